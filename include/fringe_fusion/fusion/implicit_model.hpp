@@ -1,0 +1,136 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fringe_fusion/common/config.hpp"
+#include "fringe_fusion/common/progress.hpp"
+#include "fringe_fusion/pose/view.hpp"
+
+namespace fringe_fusion {
+
+struct FusionConfig {
+  double voxel_m = 0.001;
+  int order = 0;                      ///< 0: generalised implicit equation with the normal foot
+  double kernel_radius_voxels = 3.0;  ///< support R of a sample's weight, in voxels
+  double border_taper_px = 5.0;       ///< weights fade over this distance to a mask border
+  double min_sigma_m = 1e-6;          ///< floor under the stated sigma of a sample
+  double min_weight_ratio = 0.02;     ///< of the median weight: below it the surface stays open
+  double max_centroid_offset_voxels = 1.5;  ///< farther weighted centroids are extrapolation
+  double max_memory_gb = 4.0;               ///< refuse before, not after, the memory is gone
+
+  template <typename Visitor>
+  void Visit(Visitor&& field) {
+    field("voxel_m", voxel_m, 1e-6, 10.0);
+    field("order", order, 0, 0);
+    field("kernel_radius_voxels", kernel_radius_voxels, 1.0, 16.0);
+    field("border_taper_px", border_taper_px, 0.0, 100.0);
+    field("min_sigma_m", min_sigma_m, 1e-9, 1.0);
+    field("min_weight_ratio", min_weight_ratio, 0.0, 1.0);
+    field("max_centroid_offset_voxels", max_centroid_offset_voxels, 0.1, 16.0);
+    field("max_memory_gb", max_memory_gb, 0.01, 1024.0);
+  }
+};
+
+/// The field at one point.
+struct FieldSample {
+  bool supported = false;  ///< false: nothing was measured near the point; the rest is NaN
+  float distance = 0.0F;   ///< signed, positive outside [m]
+  Eigen::Vector3f gradient = Eigen::Vector3f::Zero();
+  float sigma = 0.0F;   ///< standard deviation of the distance [m]
+  float weight = 0.0F;  ///< sum of w [1/m^2]
+  int num_views = 0;
+  Rgb8 color;
+};
+
+/// The signed distance D(x) of one object by the generalised implicit equation
+///   D = sum w_i n_i . (x - p_i) / sum w_i,
+/// kept as additive sums on sparse blocks of 8 x 8 x 8 voxels in the object frame.
+/// Views are always summed in the order of their ids, so the order of AddView does not matter and
+/// the same views give the same bytes on any number of threads.
+/// Ref: science section 5.1, 5.5 (inverse-variance weights) and 5.9 (additive form).
+class ImplicitModel {
+ public:
+  /// @return error when config is out of bounds.
+  [[nodiscard]] static Result<ImplicitModel> Create(const FusionConfig& config);
+
+  ImplicitModel(ImplicitModel&&) noexcept;
+  ImplicitModel& operator=(ImplicitModel&&) noexcept;
+  ~ImplicitModel();
+
+  /// Adds one view. @return error when the view is invalid, its id is present already, it was
+  /// cancelled, or the memory limit would be passed; the model is then as before.
+  [[nodiscard]] Status AddView(const View& view, const Progress& progress = NoProgress);
+
+  /// Takes a view out again. @return error when no view has this id.
+  [[nodiscard]] Status RemoveView(int view_id);
+
+  [[nodiscard]] std::vector<int> ViewIds() const;
+  [[nodiscard]] const FusionConfig& config() const;
+  [[nodiscard]] std::size_t NumBlocks() const;
+  [[nodiscard]] std::size_t MemoryBytes() const;
+
+  /// The field at any point of the object frame (trilinear between voxels).
+  [[nodiscard]] FieldSample Query(const Eigen::Vector3d& point_object) const;
+
+  // Voxel access for surface extraction. Voxel (i, j, k) lies at voxel_m * (i, j, k).
+  using BlockIndex = std::array<int, 3>;
+  static constexpr int kBlockSize = 8;
+  /// Allocated blocks in lexicographic order.
+  [[nodiscard]] std::vector<BlockIndex> Blocks() const;
+  /// Field at a voxel; not supported where nothing was measured.
+  [[nodiscard]] FieldSample AtVoxel(const std::array<int, 3>& voxel) const;
+
+ private:
+  struct Impl;
+  explicit ImplicitModel(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Points that stay out of the fusion: outside the box, or on the taught turntable plane or
+/// fixture.
+struct CropConfig {
+  bool crop_box = false;
+  std::array<double, 3> box_min_m{{-1.0, -1.0, -1.0}};  ///< in `object`
+  std::array<double, 3> box_max_m{{1.0, 1.0, 1.0}};
+  bool remove_plane = false;  ///< drop points below the taught plane n . x = d + margin
+  std::array<double, 3> plane_normal{{0.0, 0.0, 1.0}};
+  double plane_offset_m = 0.0;
+  double plane_margin_m = 0.001;
+  bool remove_fixture = false;  ///< drop points inside the fixture's box
+  std::array<double, 3> fixture_min_m{{0.0, 0.0, 0.0}};
+  std::array<double, 3> fixture_max_m{{0.0, 0.0, 0.0}};
+
+  template <typename Visitor>
+  void Visit(Visitor&& field) {
+    field("crop_box", crop_box);
+    field("box_min_m", box_min_m, -1000.0, 1000.0);
+    field("box_max_m", box_max_m, -1000.0, 1000.0);
+    field("remove_plane", remove_plane);
+    field("plane_normal", plane_normal, -1.0, 1.0);
+    field("plane_offset_m", plane_offset_m, -1000.0, 1000.0);
+    field("plane_margin_m", plane_margin_m, 0.0, 1.0);
+    field("remove_fixture", remove_fixture);
+    field("fixture_min_m", fixture_min_m, -1000.0, 1000.0);
+    field("fixture_max_m", fixture_max_m, -1000.0, 1000.0);
+  }
+};
+
+struct CropResult {
+  View view;
+  int num_kept = 0;
+  int num_outside_box = 0;
+  int num_on_plane = 0;
+  int num_on_fixture = 0;
+};
+
+/// Makes the points of a view that do not belong to the part invalid, and counts them.
+/// @return error when the box is inverted or the plane normal is not of unit length.
+[[nodiscard]] Result<CropResult> CropView(const View& view, const CropConfig& config);
+
+}  // namespace fringe_fusion

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <yaml-cpp/yaml.h>
+
+#include <array>
+#include <set>
+#include <string>
+
+#include "fringe_fusion/common/config.hpp"
+#include "fringe_fusion/common/result.hpp"
+
+namespace fringe_fusion {
+
+namespace internal {
+/// Reads the fields of a Config from a YAML map; every key is required, unknown keys are errors.
+class YamlReader {
+ public:
+  YamlReader(const YAML::Node& node, std::string owner) : node_(node), owner_(std::move(owner)) {}
+
+  template <typename T, typename... Bounds>
+  void operator()(const char* name, T& value, Bounds... /*bounds*/) {
+    known_.insert(name);
+    if (!status_) return;
+    const YAML::Node field = node_[name];
+    if (!field) {
+      status_ = Fail("{}: required key '{}' is missing", owner_, name);
+      return;
+    }
+    try {
+      value = field.as<T>();
+    } catch (const YAML::Exception&) {
+      status_ = Fail("{}: key '{}' has the value '{}' of the wrong type", owner_, name,
+                     field.IsScalar() ? field.Scalar() : "(not a scalar)");
+    }
+  }
+
+  [[nodiscard]] Status Finish() const {
+    if (!status_) return status_;
+    for (const auto& entry : node_) {
+      const auto key = entry.first.as<std::string>();
+      if (known_.count(key) == 0) return Fail("{}: unknown key '{}'", owner_, key);
+    }
+    return {};
+  }
+
+ private:
+  YAML::Node node_;
+  std::string owner_;
+  std::set<std::string> known_;
+  Status status_;
+};
+}  // namespace internal
+
+/// Loads a stage's Config from a YAML file, e.g. config/phase.yaml, and checks its bounds.
+/// @return error naming file, key, value and bound.
+template <typename Config>
+[[nodiscard]] Result<Config> LoadConfigFile(const std::string& path) {
+  Config config;
+  try {
+    const YAML::Node root = YAML::LoadFile(path);
+    if (!root.IsMap()) return Fail("{}: not a YAML map", path);
+    internal::YamlReader reader(root, path);
+    config.Visit(reader);
+    if (Status status = reader.Finish(); !status) return tl::unexpected<Error>(status.error());
+  } catch (const YAML::BadFile&) {
+    return Fail("{}: cannot be read", path);
+  } catch (const YAML::Exception& exception) {
+    return Fail("{}: {}", path, exception.what());
+  }
+  if (Status status = CheckBounds(config, path); !status) {
+    return tl::unexpected<Error>(status.error());
+  }
+  return config;
+}
+
+}  // namespace fringe_fusion

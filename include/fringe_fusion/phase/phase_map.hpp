@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "fringe_fusion/capture/image_stack.hpp"
+#include "fringe_fusion/common/config.hpp"
+#include "fringe_fusion/common/image.hpp"
+#include "fringe_fusion/common/progress.hpp"
+
+namespace fringe_fusion {
+
+/// Why a pixel carries no projector coordinate. Written as mask.png; 0 is valid.
+enum class MaskReason : std::uint8_t {
+  kValid = 0,
+  kTooDark = 1,
+  kLowModulation = 2,
+  kSaturated = 3,
+  kEdge = 4,
+  kResidual = 5,
+  kDoubtfulOrder = 6,
+  kOutsideProjector = 7,
+  kShadow = 8,
+  kEpipolar = 9,  ///< both coordinates decoded, but they miss the epipolar line (triangulation)
+};
+constexpr int kNumMaskReasons = 10;
+[[nodiscard]] const char* MaskReasonName(MaskReason reason);
+
+/// Projector coordinates seen by every camera pixel. Invalid pixels are NaN with a reason.
+struct PhaseMap {
+  int width = 0;
+  int height = 0;
+  Image<float> u;        ///< projector column [px]; empty if the u axis was not coded
+  Image<float> v;        ///< projector row [px]; empty if the v axis was not coded
+  Image<float> sigma_u;  ///< standard deviation of u [px]
+  Image<float> sigma_v;
+  Image<float> offset;       ///< mean grey value A [DN]
+  Image<float> modulation;   ///< fringe amplitude B of the finest set [DN]
+  Image<std::uint8_t> mask;  ///< MaskReason
+  Image<Rgb8> color;         ///< texture of the white frame, or A + B as grey
+  std::int64_t first_stamp_ns = 0;
+  std::int64_t last_stamp_ns = 0;
+};
+
+/// Decoder settings. Sensor noise: sigma_I^2 = read_noise_dn^2 + gain_dn I + 1/12 [DN^2].
+struct PhaseConfig {
+  double read_noise_dn = 1.0;
+  double gain_dn = 0.05;
+  double min_modulation_sigma = 5.0;    ///< least B in units of sigma_I
+  double min_contrast_dn = 4.0;         ///< least white minus black [DN]
+  double saturation_ratio = 0.98;       ///< of full scale
+  double max_residual_sigma = 6.0;      ///< largest rms residual of the sinusoid fit in sigma_I
+  double max_order_error_ratio = 0.35;  ///< largest distance to the nearest fringe order [fringes]
+  double max_edge_step_px = 8.0;  ///< largest jump of u or v between neighbours [projector px]
+
+  template <typename Visitor>
+  void Visit(Visitor&& field) {
+    field("read_noise_dn", read_noise_dn, 0.0, 1000.0);
+    field("gain_dn", gain_dn, 0.0, 1000.0);
+    field("min_modulation_sigma", min_modulation_sigma, 0.0, 1000.0);
+    field("min_contrast_dn", min_contrast_dn, 0.0, 65535.0);
+    field("saturation_ratio", saturation_ratio, 0.1, 1.0);
+    field("max_residual_sigma", max_residual_sigma, 1.0, 1000.0);
+    field("max_order_error_ratio", max_order_error_ratio, 0.0, 0.5);
+    field("max_edge_step_px", max_edge_step_px, 0.1, 10000.0);
+  }
+};
+
+/// Decodes one view: every pixel's projector coordinates with their standard deviation.
+/// @return error when the stack does not fit its sequence, or codes no axis at all.
+/// Ref: science sections 2.1 (N-step), 2.3 (hierarchical unwrapping), 2.4 (inverse variance).
+[[nodiscard]] Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
+                                           const Progress& progress = NoProgress);
+
+}  // namespace fringe_fusion

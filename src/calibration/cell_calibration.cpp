@@ -1,0 +1,65 @@
+#include "fringe_fusion/calibration/cell_calibration.hpp"
+
+#include <cstdint>
+#include <cstring>
+
+namespace fringe_fusion {
+namespace {
+
+// FNV-1a, 64 bit: a fingerprint, not a secret.
+class Fingerprint {
+ public:
+  void Add(double value) {
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &value, sizeof(bits));
+    for (int byte = 0; byte < 8; ++byte) Mix(static_cast<unsigned char>(bits >> (8 * byte)));
+  }
+  void Add(const std::string& text) {
+    for (const char c : text) Mix(static_cast<unsigned char>(c));
+    Mix(0);
+  }
+  void Add(const CameraModel& m) {
+    for (const double value :
+         {static_cast<double>(m.width), static_cast<double>(m.height), m.fx, m.fy, m.cx, m.cy}) {
+      Add(value);
+    }
+    for (const double k : m.distortion) Add(k);
+  }
+  [[nodiscard]] std::uint64_t value() const { return value_; }
+
+ private:
+  void Mix(unsigned char byte) { value_ = (value_ ^ byte) * 1099511628211ULL; }
+  std::uint64_t value_ = 14695981039346656037ULL;
+};
+
+}  // namespace
+
+Status Validate(const CellCalibration& calibration, const std::string& owner) {
+  if (Status status = Validate(calibration.camera, owner + ": camera"); !status) return status;
+  if (Status status = Validate(calibration.projector, owner + ": projector"); !status) {
+    return status;
+  }
+  const Transform& T = calibration.T_projector_camera;
+  if (!T.matrix().allFinite()) {
+    return Fail("{}: T_projector_camera has a value that is not finite", owner);
+  }
+  if (!(T.translation().norm() > 1e-6)) {
+    return Fail("{}: baseline {} m must be longer than 1e-6 m", owner, T.translation().norm());
+  }
+  return {};
+}
+
+std::string CalibrationId(const CellCalibration& calibration) {
+  Fingerprint fingerprint;
+  fingerprint.Add(calibration.camera);
+  fingerprint.Add(calibration.projector);
+  const Eigen::Vector3d translation = calibration.T_projector_camera.translation();
+  const Eigen::Matrix3d rotation = calibration.T_projector_camera.linear();
+  for (int i = 0; i < 3; ++i) fingerprint.Add(translation[i]);
+  for (int i = 0; i < 9; ++i) fingerprint.Add(rotation.data()[i]);
+  fingerprint.Add(calibration.camera_serial);
+  fingerprint.Add(calibration.projector_serial);
+  return fmt::format("{:016x}", fingerprint.value());
+}
+
+}  // namespace fringe_fusion
