@@ -1,0 +1,25 @@
+find_package(catkin REQUIRED COMPONENTS
+  actionlib actionlib_msgs camera_info_manager cv_bridge diagnostic_updater dynamic_reconfigure
+  geometry_msgs image_transport message_generation nodelet pluginlib rosbag roscpp sensor_msgs
+  std_msgs std_srvs tf2 tf2_eigen tf2_ros visualization_msgs)
+
+add_message_files(FILES
+  Frame.msg PatternDescription.msg PatternList.msg RangeView.msg ViewPose.msg ViewPoses.msg)
+add_service_files(FILES
+  Capture.srv ExtractSurface.srv IntegrateView.srv LoadSequence.srv OptimizeViews.srv
+  QueryDistance.srv ShowPattern.srv SimExpose.srv SimProject.srv)
+add_action_files(FILES
+  MoveToView.action ScanObject.action ScanView.action)
+generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs)
+generate_dynamic_reconfigure_options(config/Camera.cfg)
+
+catkin_package(
+  INCLUDE_DIRS include
+  LIBRARIES fringe_fusion_core fringe_fusion_ros
+  CATKIN_DEPENDS actionlib actionlib_msgs camera_info_manager cv_bridge diagnostic_updater
+    dynamic_reconfigure geometry_msgs image_transport message_runtime nodelet pluginlib rosbag
+    roscpp sensor_msgs std_msgs std_srvs tf2 tf2_eigen tf2_ros visualization_msgs
+  DEPENDS EIGEN3)
+
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)
