@@ -4,7 +4,8 @@ find_package(catkin REQUIRED COMPONENTS
   std_msgs std_srvs tf2 tf2_eigen tf2_ros visualization_msgs)
 
 add_message_files(FILES
-  Frame.msg PatternDescription.msg PatternList.msg RangeView.msg ViewPose.msg ViewPoses.msg)
+  Frame.msg PatternDescription.msg PatternList.msg RangeView.msg StageState.msg ViewPose.msg
+  ViewPoses.msg ViewStatus.msg)
 add_service_files(FILES
   Capture.srv ExtractSurface.srv IntegrateView.srv LoadSequence.srv OptimizeViews.srv
   QueryDistance.srv ShowPattern.srv SimExpose.srv SimProject.srv)
