@@ -33,19 +33,21 @@ struct SimConfig {
   double ambient_ratio = 0.0;    ///< ambient radiance, share of a white projector; 0: off
   bool interreflection = false;  ///< one diffuse bounce
   // Camera: radiance -> grey value. exposure 1 brings a frontal white Lambert surface of albedo 1
-  // at the nominal distance to `white_level_ratio` of full scale.
+  // at the nominal distance to `white_level_ratio` of full scale. Nominal distance: from the
+  // projector to where its middle pixel's ray passes the camera's axis.
   double white_level_ratio = 0.8;
   double camera_blur_px = 0.0;         ///< Gaussian sigma [px]; 0: off
   double gain_dn = 0.0;                ///< shot noise variance per grey value [DN]; 0: off
   double read_noise_dn = 0.0;          ///< [DN]; 0: off
   int bit_depth = 8;                   ///< 8 or 12
   double exposure_reference_s = 0.02;  ///< exposure time that counts as 1
+  double frame_period_s = 0.04;        ///< time from frame to frame, unless the exposure is longer
   // Motion: what tf does not know.
   double turntable_angle_sigma_deg = 0.0;
   double turntable_shift_sigma_mm = 0.0;
   double arm_rotation_sigma_deg = 0.0;
   double arm_translation_sigma_mm = 0.0;
-  double vibration_mm = 0.0;  ///< sigma of the object's shift from frame to frame; 0: off
+  double vibration_mm = 0.0;  ///< sigma per axis of the object's shift in each frame; 0: off
   // Faults of the stream, probability per frame.
   double drop_probability = 0.0;
   double duplicate_probability = 0.0;
@@ -72,6 +74,7 @@ struct SimConfig {
     field("read_noise_dn", read_noise_dn, 0.0, 10000.0);
     field("bit_depth", bit_depth, 8, 12);
     field("exposure_reference_s", exposure_reference_s, 1e-6, 100.0);
+    field("frame_period_s", frame_period_s, 1e-6, 100.0);
     field("turntable_angle_sigma_deg", turntable_angle_sigma_deg, 0.0, 180.0);
     field("turntable_shift_sigma_mm", turntable_shift_sigma_mm, 0.0, 1000.0);
     field("arm_rotation_sigma_deg", arm_rotation_sigma_deg, 0.0, 180.0);
@@ -108,12 +111,16 @@ class SimCell {
   SimCell& operator=(SimCell&&) noexcept;
   ~SimCell();
 
-  /// Moves to a commanded pose (what tf says) and adds the seeded pose error of this pose index.
-  /// @param turntable_axis_object axis of the turntable through `object`'s origin, for the error.
+  /// Moves to a commanded pose (what tf says) and adds the seeded pose error of this pose index:
+  /// the turntable's about and across the z axis of `object`, the arm's in the camera frame.
+  /// @param pose_index at least 0.
   [[nodiscard]] Status MoveTo(const Transform& T_object_camera_commanded, int pose_index);
 
   /// Takes one picture of the scene lit by an 8-bit picture of the projector's size.
-  /// @param frame_index selects noise and vibration of this frame.
+  /// A duplicated frame repeats the pixels of the frame exposed before it; a late one is stamped
+  /// 1.5 frame periods after its time.
+  /// @param frame_index selects noise, vibration and faults of this frame.
+  /// @return error when the frame was dropped, no pose was set, or size or exposure is wrong.
   [[nodiscard]] Result<CapturedFrame> Expose(const Image<std::uint8_t>& projected,
                                              double exposure_s, int frame_index);
 
@@ -132,6 +139,11 @@ class SimCell {
 [[nodiscard]] Result<ImageStack> CaptureStack(SimCell& cell, const PatternSequence& sequence,
                                               double gamma_correction, double exposure_s,
                                               int view_id);
+
+/// Covariance of the pose errors of `config` as that of the right perturbation of a pose: what an
+/// honest prior of the commanded pose states.
+[[nodiscard]] Matrix6d PoseErrorCovariance(const SimConfig& config,
+                                           const Transform& T_object_camera);
 
 /// Default scanner: 800x600 camera, 1280x800 projector, 0.5 m away, 0.2 m baseline.
 [[nodiscard]] CellCalibration DefaultCalibration();
