@@ -61,9 +61,9 @@ Transform TurntablePose(int k, int n, double distance_m, double elevation_deg,
                         const Eigen::Vector3d& target_object) {
   const double elevation = elevation_deg * kPi / 180.0;
   const Eigen::Vector3d away(std::cos(elevation), 0.0, std::sin(elevation));
-  const Transform T_cell_camera =
-      LookAt(target_object + distance_m * away, target_object,
-             elevation_deg < 89.0 ? Eigen::Vector3d::UnitZ() : -Eigen::Vector3d::UnitX());
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();
+  if (elevation_deg > 89.0) up = -Eigen::Vector3d::UnitX();
+  const Transform T_cell_camera = LookAt(target_object + distance_m * away, target_object, up);
   // The object has turned by +angle, so that its frame sees the camera turned by -angle.
   Transform T_object_cell = Transform::Identity();
   T_object_cell.linear() = ExpRotation(Eigen::Vector3d(0.0, 0.0, -2.0 * kPi * k / n));
