@@ -21,9 +21,13 @@ enum class MaskReason : std::uint8_t {
   kDoubtfulOrder = 6,
   kOutsideProjector = 7,
   kShadow = 8,
-  kEpipolar = 9,  ///< both coordinates decoded, but they miss the epipolar line (triangulation)
+  kEpipolar = 9,     ///< both coordinates decoded, but they miss the epipolar line (triangulation)
+  kOutOfRange = 10,  ///< no point within the range limits on the camera ray (triangulation)
+  kIsolated = 11,    ///< part of a speck of a few pixels (triangulation)
 };
-constexpr int kNumMaskReasons = 10;
+constexpr int kNumMaskReasons = 12;
+
+/// Lower-case words of a reason, e.g. "low modulation"; "unknown" outside the enumeration.
 [[nodiscard]] const char* MaskReasonName(MaskReason reason);
 
 /// Projector coordinates seen by every camera pixel. Invalid pixels are NaN with a reason.
@@ -35,7 +39,8 @@ struct PhaseMap {
   Image<float> sigma_u;  ///< standard deviation of u [px]
   Image<float> sigma_v;
   Image<float> offset;       ///< mean grey value A [DN]
-  Image<float> modulation;   ///< fringe amplitude B of the finest set [DN]
+  Image<float> modulation;   ///< fringe amplitude B of the finest set, the lesser axis [DN];
+                             ///< Gray code alone: half the difference of lit and dark
   Image<std::uint8_t> mask;  ///< MaskReason
   Image<Rgb8> color;         ///< texture of the white frame, or A + B as grey
   std::int64_t first_stamp_ns = 0;
@@ -50,8 +55,13 @@ struct PhaseConfig {
   double min_contrast_dn = 4.0;         ///< least white minus black [DN]
   double saturation_ratio = 0.98;       ///< of full scale
   double max_residual_sigma = 6.0;      ///< largest rms residual of the sinusoid fit in sigma_I
+  double max_harmonic_ratio = 0.3;      ///< tolerated rms of gamma harmonics in that residual, of B
   double max_order_error_ratio = 0.35;  ///< largest distance to the nearest fringe order [fringes]
+  double min_bit_sigma = 4.0;           ///< a Gray bit closer to its threshold is doubtful [sigma]
+  int max_doubtful_bits = 2;      ///< finest Gray bits that may be unreadable (Gray code alone)
+  int gray_fit_radius_px = 2;     ///< half window of the local fit of a Gray code alone; 0: off
   double max_edge_step_px = 8.0;  ///< largest jump of u or v between neighbours [projector px]
+  double min_mixed_ratio = 0.5;   ///< least B / A of a pixel, of the median of its 3 x 3 window
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
@@ -61,8 +71,13 @@ struct PhaseConfig {
     field("min_contrast_dn", min_contrast_dn, 0.0, 65535.0);
     field("saturation_ratio", saturation_ratio, 0.1, 1.0);
     field("max_residual_sigma", max_residual_sigma, 1.0, 1000.0);
+    field("max_harmonic_ratio", max_harmonic_ratio, 0.0, 10.0);
     field("max_order_error_ratio", max_order_error_ratio, 0.0, 0.5);
+    field("min_bit_sigma", min_bit_sigma, 0.0, 1000.0);
+    field("max_doubtful_bits", max_doubtful_bits, 0, 20);
+    field("gray_fit_radius_px", gray_fit_radius_px, 0, 10);
     field("max_edge_step_px", max_edge_step_px, 0.1, 10000.0);
+    field("min_mixed_ratio", min_mixed_ratio, 0.0, 1.0);
   }
 };
 

@@ -47,12 +47,15 @@ struct RangeImage {
 struct TriangulationConfig {
   double min_range_m = 0.05;
   double max_range_m = 10.0;
-  double max_epipolar_sigma = 8.0;     ///< largest v residual in standard deviations ...
+  double max_epipolar_sigma = 8.0;     ///< largest epipolar residual in standard deviations ...
   double max_epipolar_px = 2.0;        ///< ... plus this calibration allowance [projector px]
   double max_normal_angle_deg = 85.0;  ///< between normal and ray to the camera
   int normal_radius_px = 2;            ///< half window of the normal fit
-  double max_depth_step_ratio = 3.0;   ///< of the expected step between neighbours, for normals
+  double max_depth_step_ratio = 6.0;   ///< largest depth step between neighbours, of their lateral
+                                       ///< distance; larger ones separate two surfaces
   int min_neighbors = 5;               ///< valid points in the normal window
+  int min_component_px = 20;           ///< smaller connected specks are removed
+  double lateral_sigma_px = 0.2887;    ///< across the ray [camera px]; 1/sqrt(12): a whole pixel
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
@@ -64,17 +67,21 @@ struct TriangulationConfig {
     field("normal_radius_px", normal_radius_px, 1, 20);
     field("max_depth_step_ratio", max_depth_step_ratio, 0.1, 1e6);
     field("min_neighbors", min_neighbors, 3, 1000);
+    field("min_component_px", min_component_px, 0, 1000000);
+    field("lateral_sigma_px", lateral_sigma_px, 0.0, 10.0);
   }
 };
 
 struct TriangulationResult {
   RangeImage range;
-  Image<float> epipolar_residual_px;  ///< v (or u) residual [projector px], NaN without both axes
+  Image<float> epipolar_residual_px;  ///< signed distance of (u, v) to the epipolar line
+                                      ///< [projector px], NaN without both axes
   Image<std::uint8_t> mask;           ///< MaskReason, the phase mask refined
   double median_abs_epipolar_px = 0.0;
 };
 
 /// Triangulates a phase map: weighted least squares on both coordinates along each camera ray.
+/// Points with no normal and small specks are removed (kEdge, kIsolated).
 /// @return error when the sizes of map and calibration differ or no coordinate is present.
 /// Ref: science section 2.5.
 [[nodiscard]] Result<TriangulationResult> Triangulate(const PhaseMap& phase,
@@ -82,9 +89,28 @@ struct TriangulationResult {
                                                       const TriangulationConfig& config,
                                                       const Progress& progress = NoProgress);
 
+/// Undistorted normalised coordinates (x, y) of every camera pixel, so that its ray is (x, y, 1);
+/// NaN where the distortion cannot be inverted. The same for all views of a camera.
+[[nodiscard]] Image<Eigen::Vector2f> MakeRayTable(const CameraModel& camera);
+
+/// As above with the ray table of the camera, for many views with one calibration.
+/// @param rays MakeRayTable(calibration.camera).
+[[nodiscard]] Result<TriangulationResult> Triangulate(const PhaseMap& phase,
+                                                      const CellCalibration& calibration,
+                                                      const Image<Eigen::Vector2f>& rays,
+                                                      const TriangulationConfig& config,
+                                                      const Progress& progress = NoProgress);
+
 /// Fits unit normals to an organised cloud in place of those it has; points whose neighbourhood
 /// is too thin or too oblique become invalid.
+/// The fit is weighted with the noise along the ray, in coordinates in which a plane is linear
+/// and the noise lies in one of them: inverse depth over ray direction (camera), or depth over
+/// position (directional line of sight).
 [[nodiscard]] RangeImage EstimateNormals(const RangeImage& range,
                                          const TriangulationConfig& config);
+
+/// Removes connected groups of fewer than config.min_component_px points. Two neighbours connect
+/// unless a depth step (config.max_depth_step_ratio) lies between them.
+[[nodiscard]] RangeImage RemoveSpecks(const RangeImage& range, const TriangulationConfig& config);
 
 }  // namespace fringe_fusion

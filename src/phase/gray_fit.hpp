@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "frame_rows.hpp"
+
+namespace fringe_fusion::decode {
+
+/// The projector interval that a Gray code leaves open: centre_px +- half_px; NaN if doubtful.
+struct GrayInterval {
+  double centre_px = 0.0;
+  double half_px = 0.0;
+};
+
+/// Reads Gray bits of a row and turns words into intervals. One object per thread.
+///
+/// Two neighbouring cells differ in one bit only. So a pixel on the border of two cells has one
+/// doubtful bit, and its two readings are neighbours: the border is the answer. Doubtful finest
+/// bits (blur) leave a coarser cell. Anything else has no answer.
+class GrayFit {
+ public:
+  GrayFit(const GrayCode& code, const PhaseConfig& config, int width);
+
+  void Run(const FrameRows& rows);
+
+  /// Cell of the pixel, or NaN when more than `max_doubtful_bits` finest bits are doubtful or the
+  /// others contradict.
+  [[nodiscard]] GrayInterval Interval(std::size_t x, int max_doubtful_bits) const;
+  /// Half the mean difference of lit and unlit over the bits [DN].
+  [[nodiscard]] float modulation_dn(std::size_t x) const { return modulation_[x]; }
+  /// Mean grey value between lit and unlit [DN].
+  [[nodiscard]] float offset_dn(std::size_t x) const { return offset_[x]; }
+  [[nodiscard]] int num_bits() const { return static_cast<int>(code_.bits.size()); }
+
+ private:
+  void ReadPair(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
+  void ReadSingle(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
+
+  GrayCode code_;
+  PhaseConfig config_;
+  std::vector<std::uint32_t> word_;
+  std::vector<std::uint32_t> doubtful_;
+  std::vector<float> modulation_;
+  std::vector<float> offset_;
+};
+
+}  // namespace fringe_fusion::decode

@@ -1,0 +1,22 @@
+#pragma once
+
+#include "fringe_fusion/common/image.hpp"
+
+namespace fringe_fusion::decode {
+
+/// A coordinate image with its standard deviations [projector px]; NaN where invalid.
+struct CoordinateImage {
+  Image<float> value_px;
+  Image<float> sigma_px;
+};
+
+/// Sub-cell coordinates of a Gray code: the value at the centre of a plane fitted to the cell
+/// centres in a (2 radius + 1)^2 window. The rounding to cells acts like a dither, because the
+/// window spans several cells; sigma takes the number of cells crossed as number of samples and
+/// never falls below what the residuals allow. Neighbouring results share samples: their errors
+/// are correlated over the window.
+/// @param max_step_px neighbours that differ more, per camera pixel, belong to another surface.
+[[nodiscard]] CoordinateImage SmoothGrayCode(const CoordinateImage& code, int radius_px,
+                                             float max_step_px);
+
+}  // namespace fringe_fusion::decode
