@@ -54,11 +54,11 @@ double FreeformMm(const Vector3d& p) {
   double solid = SmoothMin(body, Ellipsoid(p, {32.0, 26.0, 14.0}), 6.0);
   solid = SmoothMin(solid, ring, 4.0);
   solid = SmoothMin(solid, handle, 4.0);
-  // Both openings are cut again: the blends must not close them.
+  for (const double x : {-15.0, 0.0, 15.0}) solid = SmoothMin(solid, Rib(p, x), 1.5);
+  // The openings are cut last: blends and ribs must not close them.
   solid = SmoothMax(solid, -window, 3.0);
   solid = SmoothMax(solid, 7.5 - std::hypot(swayed.x() + 3.0, swayed.z() - 65.0), 2.0);
   solid = SmoothMax(solid, 7.5 - std::hypot(swayed.x() - 28.5, swayed.z() - 33.0), 2.0);
-  for (const double x : {-15.0, 0.0, 15.0}) solid = SmoothMin(solid, Rib(p, x), 1.5);
   return std::max(solid, -p.z());
 }
 
