@@ -37,12 +37,14 @@ class DescriptorBuffer : public std::streambuf {
 
   [[nodiscard]] int error() const { return error_; }
 
-  // Writes the rest, forces it to the disk and closes. False with error() set on failure: some
-  // file systems report a full disk only here.
-  bool SyncAndClose() {
+  // Writes the rest and closes. False with error() set on failure: some file systems report a full
+  // disk only here.
+  bool Close(Durability durability) {
     bool ok = sync() == 0;
     // Pipes and terminals cannot be synced (EINVAL, EROFS): that is no loss of data.
-    if (ok && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) ok = Note();
+    if (ok && durability == Durability::kSynced && ::fsync(descriptor_) != 0 && errno != EINVAL &&
+        errno != EROFS)
+      ok = Note();
     const int descriptor = std::exchange(descriptor_, -1);
     if (::close(descriptor) != 0 && ok) ok = Note();
     return ok;
@@ -114,7 +116,7 @@ class TemporaryFile {
 };
 
 Status WriteTo(int descriptor, const std::string& path,
-               const std::function<Status(std::ostream&)>& write) {
+               const std::function<Status(std::ostream&)>& write, Durability durability) {
   DescriptorBuffer buffer(descriptor);
   std::ostream stream(&buffer);
   Status status = write(stream);
@@ -123,7 +125,7 @@ Status WriteTo(int descriptor, const std::string& path,
   if (buffer.error() != 0) return Fail("{}: cannot write: {}", path, ErrorText(buffer.error()));
   if (!status) return status;
   if (!stream) return Fail("{}: cannot write: the stream failed", path);
-  if (!buffer.SyncAndClose()) {
+  if (!buffer.Close(durability)) {
     return Fail("{}: cannot write: {}", path, ErrorText(buffer.error()));
   }
   return {};
@@ -142,7 +144,8 @@ int OpenSibling(const fs::path& target, std::string& sibling) {
 
 }  // namespace
 
-Status WriteAtomically(const std::string& path, const std::function<Status(std::ostream&)>& write) {
+Status WriteAtomically(const std::string& path, const std::function<Status(std::ostream&)>& write,
+                       Durability durability) {
   if (path.empty()) return Fail("cannot write a file without a name");
   std::error_code ignored;
   fs::path target(path);
@@ -153,13 +156,13 @@ Status WriteAtomically(const std::string& path, const std::function<Status(std::
     // A device or pipe, e.g. /dev/stdout, cannot be replaced: it is written directly.
     const int descriptor = ::open(target.c_str(), O_WRONLY | O_CLOEXEC);
     if (descriptor < 0) return Fail("{}: cannot write: {}", path, ErrorText(errno));
-    return WriteTo(descriptor, path, write);
+    return WriteTo(descriptor, path, write, durability);
   }
   std::string sibling;
   const int descriptor = OpenSibling(target, sibling);
   if (descriptor < 0) return Fail("{}: cannot write: {}", path, ErrorText(errno));
   TemporaryFile temporary(sibling);
-  if (Status status = WriteTo(descriptor, path, write); !status) return status;
+  if (Status status = WriteTo(descriptor, path, write, durability); !status) return status;
   if (::rename(sibling.c_str(), target.c_str()) != 0) {
     return Fail("{}: cannot write: {}", path, ErrorText(errno));
   }

@@ -146,11 +146,13 @@ Status Encode(const cv::Mat& mat, const std::string& path) {
   } catch (const cv::Exception& exception) {
     return Fail("{}: cannot be encoded: {}", path, exception.err);
   }
-  return WriteAtomically(path, [&](std::ostream& stream) -> Status {
+  const auto write = [&](std::ostream& stream) -> Status {
     stream.write(reinterpret_cast<const char*>(bytes.data()),
                  static_cast<std::streamsize>(bytes.size()));
     return {};
-  });
+  };
+  // A scan has hundreds of frames: waiting for the disk after each would dominate its time.
+  return WriteAtomically(path, write, Durability::kClosed);
 }
 
 }  // namespace

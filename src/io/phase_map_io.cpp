@@ -36,9 +36,15 @@ Status CheckSize(const Image<T>& image, const PhaseMap& phase, const std::string
 
 Status CheckAxes(const PhaseMap& phase, const std::string& folder) {
   if (phase.u.empty() && phase.v.empty()) return Fail("{}: neither u nor v is coded", folder);
-  if (phase.u.empty() != phase.sigma_u.empty()) return Fail("{}: u without sigma_u", folder);
-  if (phase.v.empty() != phase.sigma_v.empty()) return Fail("{}: v without sigma_v", folder);
-  return {};
+  const auto check_pair = [&](const char* axis, bool coordinate, bool sigma) -> Status {
+    if (coordinate && !sigma) return Fail("{}: {} without sigma_{}", folder, axis, axis);
+    if (sigma && !coordinate) return Fail("{}: sigma_{} without {}", folder, axis, axis);
+    return {};
+  };
+  if (Status status = check_pair("u", !phase.u.empty(), !phase.sigma_u.empty()); !status) {
+    return status;
+  }
+  return check_pair("v", !phase.v.empty(), !phase.sigma_v.empty());
 }
 
 Result<Image<std::uint8_t>> ReadMask(const std::string& path) {
