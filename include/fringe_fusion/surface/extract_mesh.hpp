@@ -17,9 +17,13 @@ struct SurfaceConfig {
 };
 
 /// Marching cubes over the supported voxels; the boundary stays open where nothing was measured.
-/// Vertices carry normal, colour, sigma and number of views. Same model, same bytes.
+/// No edge has more than two faces, no two vertices share an edge of the grid, and where all is
+/// supported the mesh is closed. Vertices lie at the root of the cubic through the four voxels
+/// around them and carry normal, colour, sigma and number of views. Same model, same bytes.
 /// @return error when the model is empty or no cell is crossed by the surface, or on cancel.
-/// Ref: Lorensen and Cline 1987; the table is the topologically consistent one of Montani 1994.
+/// Ref: Lorensen and Cline, Marching Cubes, 1987; the ambiguous faces are resolved by one rule for
+/// all, as in Montani, Scateni and Scopigno, A modified look-up table for implicit disambiguation
+/// of Marching Cubes, 1994.
 [[nodiscard]] Result<Mesh> ExtractMesh(const ImplicitModel& model, const SurfaceConfig& config,
                                        const Progress& progress = NoProgress);
 
