@@ -1,0 +1,296 @@
+#include "fringe_fusion/fusion/implicit_model.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "fringe_fusion/common/parallel.hpp"
+#include "test/fusion/synthetic_views.hpp"
+
+namespace fringe_fusion {
+namespace {
+
+using testing::CastAround;
+using testing::CastView;
+using testing::Dump;
+using testing::SphereScene;
+using testing::ViewSettings;
+
+constexpr double kSphereRadius = 0.02;
+
+FusionConfig Config(double voxel_m) {
+  FusionConfig config;
+  config.voxel_m = voxel_m;
+  return config;
+}
+
+ImplicitModel Fuse(const std::vector<View>& views, const FusionConfig& config) {
+  Result<ImplicitModel> model = ImplicitModel::Create(config);
+  EXPECT_TRUE(model.has_value());
+  const Status status = model->AddViews(views);
+  EXPECT_TRUE(status.has_value()) << (status ? "" : status.error().message);
+  return std::move(*model);
+}
+
+testing::Scene FlatScene() { return testing::BoxScene({0.03, 0.03, 0.01}); }  // top at z = 0.01
+
+std::vector<View> FlatViews(const ViewSettings& settings) {
+  std::vector<View> views;
+  for (const auto& [x, y] : {std::pair(0.0, 0.0), {0.08, 0.0}, {-0.05, 0.06}, {0.02, -0.09}}) {
+    views.push_back(CastView(static_cast<int>(views.size()), FlatScene(), {x, y, 0.16}, settings));
+  }
+  return views;
+}
+
+std::vector<View> SphereViews(double sigma_range_m = 0.0) {
+  ViewSettings settings;
+  settings.sigma_range_m = sigma_range_m;
+  return CastAround(SphereScene(kSphereRadius), 0.12, settings);
+}
+
+TEST(ImplicitModel, PlaneLiesAtTheTruthWithoutNoise) {
+  const ImplicitModel model = Fuse(FlatViews({}), Config(5e-4));
+  for (double x = -0.02; x <= 0.02; x += 0.0013) {
+    for (const double off : {-4e-4, 0.0, 6e-4}) {
+      const FieldSample at = model.Query({x, 0.3 * x, 0.01 + off});
+      ASSERT_TRUE(at.supported) << x;
+      EXPECT_NEAR(at.distance, off, 1e-7);
+      EXPECT_NEAR(at.gradient.z(), 1.0F, 1e-3F);
+      EXPECT_EQ(at.num_views, 4);
+      EXPECT_NEAR(at.color.r, 200, 1);
+    }
+  }
+}
+
+TEST(ImplicitModel, StatedSigmaIsTheErrorOnFlatParts) {
+  ViewSettings settings;
+  settings.sigma_range_m = 1e-4;
+  double sum = 0.0;
+  int count = 0;
+  for (unsigned seed = 1; seed <= 4; ++seed) {
+    settings.seed = seed * 1000;
+    const ImplicitModel model = Fuse(FlatViews(settings), Config(5e-4));
+    for (int x = -40; x <= 40; x += 2) {
+      for (int y = -40; y <= 40; y += 2) {
+        const FieldSample at = model.AtVoxel({x, y, 20});  // z = 10 mm
+        ASSERT_TRUE(at.supported);
+        sum += std::pow(at.distance / at.sigma, 2);
+        ++count;
+      }
+    }
+  }
+  const double ratio = std::sqrt(sum / count);
+  RecordProperty("ratio", std::to_string(ratio));
+  EXPECT_GT(ratio, 0.9);
+  EXPECT_LT(ratio, 1.1);
+}
+
+// Inverse variance, not equal weights: a view ten times as noisy must hardly count.
+TEST(ImplicitModel, NoisyViewHardlyCounts) {
+  ViewSettings good;
+  good.stated_sigma_m = 2e-5;
+  ViewSettings bad;
+  bad.stated_sigma_m = 2e-4;
+  std::vector<View> views{CastView(0, FlatScene(), {0.0, 0.0, 0.16}, good)};
+  views.push_back(CastView(1, FlatScene(), {0.0, 0.0, 0.16}, bad));
+  // The bad view is 0.3 mm off: the mean weighs it 1 : 100.
+  views[1].pose.T_object_camera.translation().z() += 3e-4;
+  const ImplicitModel model = Fuse(views, Config(5e-4));
+  const FieldSample at = model.Query({0.001, 0.002, 0.01});
+  ASSERT_TRUE(at.supported);
+  EXPECT_NEAR(at.distance, -3e-4 / 101.0, 2e-7);
+}
+
+TEST(ImplicitModel, PoseCovarianceIsSharedByTheWholeView) {
+  View view = CastView(0, FlatScene(), {0.0, 0.0, 0.16}, {});
+  view.pose.covariance = PoseCovariance(0.0, 1e-4);
+  const ImplicitModel one = Fuse({view}, Config(5e-4));
+  // No averaging within the view can reduce what all its points have in common.
+  EXPECT_NEAR(one.Query({0.001, 0.002, 0.01}).sigma, 1e-4, 2e-6);
+  View second = view;
+  second.id = 1;
+  const ImplicitModel two = Fuse({view, second}, Config(5e-4));
+  EXPECT_NEAR(two.Query({0.001, 0.002, 0.01}).sigma, 1e-4 / std::sqrt(2.0), 2e-6);
+}
+
+TEST(ImplicitModel, SphereBiasIsThatOfTheKernel) {
+  FusionConfig config = Config(4e-4);
+  const ImplicitModel order0 = Fuse(SphereViews(), config);
+  config.order = 2;
+  const ImplicitModel order2 = Fuse(SphereViews(), config);
+  double bias0 = 0.0;
+  double bias2 = 0.0;
+  int count = 0;
+  for (int i = 0; i < 500; ++i) {
+    // A spiral over the sphere.
+    const double z = -1.0 + 2.0 * (i + 0.5) / 500.0;
+    const double angle = 2.4 * i;
+    const double r = std::sqrt(1.0 - z * z);
+    const Eigen::Vector3d point =
+        kSphereRadius * Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle), z);
+    const FieldSample at0 = order0.Query(point);
+    const FieldSample at2 = order2.Query(point);
+    ASSERT_TRUE(at0.supported && at2.supported);
+    bias0 += at0.distance;
+    bias2 += at2.distance;
+    EXPECT_NEAR(at2.distance, 0.0, 4e-6);
+    ++count;
+  }
+  // Order 0 lies outside by <r^2> / (2 R), at most h^2 / R with h = 3 voxels / 2.5.
+  const double h = 3.0 * config.voxel_m / 2.5;
+  EXPECT_LT(bias0 / count, 0.0);
+  EXPECT_GT(bias0 / count, -h * h / kSphereRadius);
+  EXPECT_LT(std::abs(bias2 / count), 0.1 * std::abs(bias0 / count));
+}
+
+TEST(ImplicitModel, SameBytesInAnyOrderOfViews) {
+  std::vector<View> views = SphereViews(1e-4);
+  const std::vector<std::uint32_t> expected = Dump(Fuse(views, Config(1e-3)));
+  std::reverse(views.begin(), views.end());
+  std::swap(views[2], views[5]);
+  Result<ImplicitModel> one_by_one = ImplicitModel::Create(Config(1e-3));
+  ASSERT_TRUE(one_by_one);
+  for (const View& view : views) ASSERT_TRUE(one_by_one->AddView(view));
+  EXPECT_EQ(Dump(*one_by_one), expected);
+}
+
+TEST(ImplicitModel, RemovedViewWasNeverThere) {
+  std::vector<View> views = SphereViews(1e-4);
+  ImplicitModel model = Fuse(views, Config(1e-3));
+  const std::size_t memory_before = model.MemoryBytes();
+  ASSERT_TRUE(model.RemoveView(3));
+  ASSERT_TRUE(model.RemoveView(7));
+  EXPECT_LT(model.MemoryBytes(), memory_before);
+  views.erase(views.begin() + 7);
+  views.erase(views.begin() + 3);
+  const ImplicitModel expected = Fuse(views, Config(1e-3));
+  EXPECT_EQ(model.Blocks(), expected.Blocks());
+  EXPECT_EQ(Dump(model), Dump(expected));
+  EXPECT_EQ(model.ViewIds(), expected.ViewIds());
+}
+
+TEST(ImplicitModel, SameBytesOnAnyNumberOfThreads) {
+  const std::vector<View> views = SphereViews(1e-4);
+  std::vector<std::vector<std::uint32_t>> dumps;
+  for (const int threads : {1, 2, 3}) {
+    const ThreadLimit limit(threads);
+    dumps.push_back(Dump(Fuse(views, Config(1e-3))));
+  }
+  EXPECT_EQ(dumps[0], dumps[1]);
+  EXPECT_EQ(dumps[0], dumps[2]);
+}
+
+TEST(ImplicitModel, ThinSlabKeepsItsTwoSides) {
+  constexpr double kHalf = 0.00075;
+  const testing::Scene slab = testing::BoxScene({0.015, 0.015, kHalf});
+  std::vector<View> views;
+  for (const double side : {1.0, -1.0}) {
+    for (const double x : {0.0, 0.06, -0.06}) {
+      views.push_back(
+          CastView(static_cast<int>(views.size()), slab, {x, 0.01, 0.09 * side}, ViewSettings{}));
+    }
+  }
+  for (const double voxel_m : {5e-4, 7.5e-4, 1e-3}) {
+    const ImplicitModel model = Fuse(views, Config(voxel_m));
+    const int reach = static_cast<int>(0.008 / voxel_m);
+    for (int x = -reach; x <= reach; ++x) {
+      for (int z = -3; z <= 3; ++z) {
+        const FieldSample at = model.AtVoxel({x, 1, z});
+        if (std::abs(z) * voxel_m - kHalf > 2.0 * voxel_m) continue;
+        ASSERT_TRUE(at.supported) << x << " " << z << " voxel " << voxel_m;
+        EXPECT_NEAR(at.distance, std::abs(z) * voxel_m - kHalf, 2e-5) << x << " " << z;
+      }
+    }
+  }
+}
+
+TEST(ImplicitModel, NothingIsKnownAwayFromThePoints) {
+  const ImplicitModel model = Fuse(FlatViews({}), Config(5e-4));
+  EXPECT_FALSE(model.Query({0.0, 0.0, 0.05}).supported);
+  EXPECT_FALSE(model.Query({0.04, 0.0, 0.01}).supported);
+  EXPECT_TRUE(std::isnan(model.Query({0.0, 0.0, 0.05}).distance));
+  EXPECT_FALSE(model.Query({std::nan(""), 0.0, 0.0}).supported);
+  EXPECT_FALSE(model.Query({1e9, 0.0, 0.0}).supported);
+  EXPECT_FALSE(model.AtVoxel({2000000000, 0, 0}).supported);
+  // Beyond the rim of what was measured at most one voxel is extrapolated.
+  EXPECT_FALSE(model.Query({0.0, 0.0315, 0.01}).supported);
+}
+
+std::string ErrorOf(const Status& status) { return status ? "" : status.error().message; }
+
+TEST(ImplicitModel, RefusesWhatCannotBeFused) {
+  Result<ImplicitModel> model = ImplicitModel::Create(Config(1e-3));
+  ASSERT_TRUE(model);
+  const View good = CastView(0, SphereScene(kSphereRadius), {0.0, 0.0, 0.12}, {});
+  ASSERT_TRUE(model->AddView(good));
+  const std::vector<std::uint32_t> before = Dump(*model);
+
+  EXPECT_NE(ErrorOf(model->AddView(good)).find("already"), std::string::npos);
+  View view = good;
+  view.id = 1;
+  view.pose.source = PoseSource::kNone;
+  EXPECT_NE(ErrorOf(model->AddView(view)).find("no pose"), std::string::npos);
+  view = good;
+  view.id = 1;
+  view.pose.T_object_camera.translation().x() = std::nan("");
+  EXPECT_FALSE(model->AddView(view));
+  view = good;
+  view.id = 1;
+  view.range = MakeRangeImage(20, 20);
+  EXPECT_NE(ErrorOf(model->AddView(view)).find("no valid point"), std::string::npos);
+  view = good;
+  view.id = 1;
+  view.range.sigma_range = Image<float>(160, 120, std::nanf(""));
+  EXPECT_NE(ErrorOf(model->AddView(view)).find("none of its"), std::string::npos);
+  view = good;
+  view.id = 1;
+  view.range.normals = Image<Eigen::Vector3f>();
+  EXPECT_FALSE(model->AddView(view));
+  view = good;
+  view.id = 1;
+  view.pose.T_object_camera.translation().x() = 1e4;
+  EXPECT_NE(ErrorOf(model->AddView(view)).find("voxel_m >="), std::string::npos);
+  EXPECT_FALSE(model->RemoveView(5));
+  EXPECT_EQ(Dump(*model), before);
+  EXPECT_EQ(model->ViewIds(), std::vector<int>{0});
+}
+
+TEST(ImplicitModel, RefusesAbsurdSettings) {
+  EXPECT_FALSE(ImplicitModel::Create(Config(0.0)));
+  EXPECT_FALSE(ImplicitModel::Create(Config(std::nan(""))));
+  FusionConfig config = Config(1e-3);
+  config.order = 1;
+  EXPECT_FALSE(ImplicitModel::Create(config));
+
+  const View view = CastView(0, SphereScene(kSphereRadius), {0.0, 0.0, 0.12}, {});
+  Result<ImplicitModel> fine = ImplicitModel::Create(Config(2e-6));
+  ASSERT_TRUE(fine);
+  EXPECT_NE(ErrorOf(fine->AddView(view)).find("use voxel_m >="), std::string::npos);
+
+  config = Config(1e-4);
+  config.max_memory_gb = 0.01;
+  Result<ImplicitModel> small = ImplicitModel::Create(config);
+  ASSERT_TRUE(small);
+  const std::string message = ErrorOf(small->AddView(view));
+  EXPECT_NE(message.find("max_memory_gb = 0.01"), std::string::npos) << message;
+  EXPECT_NE(message.find("use voxel_m >="), std::string::npos) << message;
+  EXPECT_EQ(small->NumBlocks(), 0U);
+}
+
+TEST(ImplicitModel, CancelLeavesTheModelAsItWas) {
+  std::vector<View> views = SphereViews();
+  Result<ImplicitModel> model = ImplicitModel::Create(Config(5e-4));
+  ASSERT_TRUE(model);
+  ASSERT_TRUE(model->AddView(views[0]));
+  const std::vector<std::uint32_t> before = Dump(*model);
+  const Progress cancel = [](const std::string& stage, double fraction) {
+    return !(stage == "integrate" && fraction > 0.0);
+  };
+  EXPECT_EQ(ErrorOf(model->AddView(views[1], cancel)), kCancelled);
+  EXPECT_EQ(Dump(*model), before);
+  ASSERT_TRUE(model->AddView(views[1]));
+}
+
+}  // namespace
+}  // namespace fringe_fusion
