@@ -94,12 +94,12 @@ TEST(ImplicitModel, NoisyViewHardlyCounts) {
   bad.stated_sigma_m = 2e-4;
   std::vector<View> views{CastView(0, FlatScene(), {0.0, 0.0, 0.16}, good)};
   views.push_back(CastView(1, FlatScene(), {0.0, 0.0, 0.16}, bad));
-  // The bad view is 0.3 mm off: the mean weighs it 1 : 100.
-  views[1].pose.T_object_camera.translation().z() += 3e-4;
+  // The bad view is 0.05 mm off: the mean weighs it 1 : 100.
+  views[1].pose.T_object_camera.translation().z() += 5e-5;
   const ImplicitModel model = Fuse(views, Config(5e-4));
   const FieldSample at = model.Query({0.001, 0.002, 0.01});
   ASSERT_TRUE(at.supported);
-  EXPECT_NEAR(at.distance, -3e-4 / 101.0, 2e-7);
+  EXPECT_NEAR(at.distance, -5e-5 / 101.0, 2e-8);
 }
 
 TEST(ImplicitModel, PoseCovarianceIsSharedByTheWholeView) {
@@ -122,19 +122,21 @@ TEST(ImplicitModel, SphereBiasIsThatOfTheKernel) {
   double bias0 = 0.0;
   double bias2 = 0.0;
   int count = 0;
-  for (int i = 0; i < 500; ++i) {
-    // A spiral over the sphere.
-    const double z = -1.0 + 2.0 * (i + 0.5) / 500.0;
-    const double angle = 2.4 * i;
-    const double r = std::sqrt(1.0 - z * z);
-    const Eigen::Vector3d point =
-        kSphereRadius * Eigen::Vector3d(r * std::cos(angle), r * std::sin(angle), z);
-    const FieldSample at0 = order0.Query(point);
-    const FieldSample at2 = order2.Query(point);
+  // At the voxels themselves: between them the trilinear mean has a bias of its own.
+  const int reach = static_cast<int>(kSphereRadius / config.voxel_m) + 1;
+  for (int i = 0; i < (2 * reach + 1) * (2 * reach + 1) * (2 * reach + 1); ++i) {
+    const int side = 2 * reach + 1;
+    const std::array<int, 3> voxel{i % side - reach, i / side % side - reach,
+                                   i / side / side - reach};
+    const Eigen::Vector3d point = config.voxel_m * Eigen::Vector3d(voxel[0], voxel[1], voxel[2]);
+    const double truth = point.norm() - kSphereRadius;
+    if (std::abs(truth) > config.voxel_m) continue;
+    const FieldSample at0 = order0.AtVoxel(voxel);
+    const FieldSample at2 = order2.AtVoxel(voxel);
     ASSERT_TRUE(at0.supported && at2.supported);
-    bias0 += at0.distance;
-    bias2 += at2.distance;
-    EXPECT_NEAR(at2.distance, 0.0, 4e-6);
+    bias0 += at0.distance - truth;
+    bias2 += at2.distance - truth;
+    EXPECT_NEAR(at2.distance, truth, 2e-6);
     ++count;
   }
   // Order 0 lies outside by <r^2> / (2 R), at most h^2 / R with h = 3 voxels / 2.5.
