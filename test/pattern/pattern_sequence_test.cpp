@@ -1,0 +1,137 @@
+#include "fringe_fusion/pattern/pattern_sequence.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace fringe_fusion {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+Pattern Phase(Axis axis, double fringes, int step, int steps) {
+  Pattern pattern;
+  pattern.kind = PatternKind::kPhase;
+  pattern.axis = axis;
+  pattern.fringes = fringes;
+  pattern.step = step;
+  pattern.steps = steps;
+  return pattern;
+}
+
+Pattern Gray(int bit, bool inverse) {
+  Pattern pattern;
+  pattern.kind = PatternKind::kGray;
+  pattern.bit = bit;
+  pattern.inverse = inverse;
+  return pattern;
+}
+
+TEST(PatternSequence, DefaultHasWhiteBlackAndAllPhaseSets) {
+  const Result<PatternSequence> sequence = MakeSequence(PatternConfig{}, 1280, 800);
+  ASSERT_TRUE(sequence);
+  ASSERT_EQ(sequence->frames.size(), 2U + 2U * 3U * 4U);
+  EXPECT_EQ(sequence->frames[0].kind, PatternKind::kWhite);
+  EXPECT_EQ(sequence->frames[1].kind, PatternKind::kBlack);
+  EXPECT_EQ(PatternName(sequence->frames[2]), "phase_u_f1_0of4");
+  EXPECT_EQ(PatternName(sequence->frames.back()), "phase_v_f64_3of4");
+  EXPECT_TRUE(Validate(*sequence, "patterns.yaml"));
+}
+
+TEST(PatternSequence, GrayBitsCoverTheAxisWithInverses) {
+  PatternConfig config;
+  config.gray = true;
+  config.fringes = "";
+  config.axis_v = false;
+  const Result<PatternSequence> sequence = MakeSequence(config, 1280, 800);
+  ASSERT_TRUE(sequence);
+  ASSERT_EQ(sequence->frames.size(), 2U + 2U * 11U);
+  EXPECT_EQ(PatternName(sequence->frames[2]), "gray_u_b10");
+  EXPECT_EQ(PatternName(sequence->frames[3]), "gray_u_b10_inv");
+  EXPECT_EQ(PatternName(sequence->frames.back()), "gray_u_b0_inv");
+}
+
+TEST(PatternSequence, RefusesBadSettings) {
+  PatternConfig config;
+  for (const char* fringes : {"8,1", "a", "1,,8", "0", "1,nan", "1 2"}) {
+    config.fringes = fringes;
+    EXPECT_FALSE(MakeSequence(config, 64, 64)) << fringes;
+  }
+  config = PatternConfig{};
+  config.steps = 2;
+  EXPECT_FALSE(MakeSequence(config, 64, 64));
+  config = PatternConfig{};
+  config.axis_u = config.axis_v = false;
+  EXPECT_FALSE(MakeSequence(config, 64, 64));
+  config = PatternConfig{};
+  config.fringes = "";
+  EXPECT_FALSE(MakeSequence(config, 64, 64));
+  EXPECT_FALSE(MakeSequence(PatternConfig{}, 0, 64));
+}
+
+TEST(PatternSequence, ValidateFindsIncompleteSets) {
+  PatternSequence sequence;
+  sequence.width = sequence.height = 64;
+  EXPECT_FALSE(Validate(sequence, "patterns.yaml"));
+  sequence.frames = {Phase(Axis::kU, 8.0, 0, 3), Phase(Axis::kU, 8.0, 1, 3)};
+  const Status missing = Validate(sequence, "patterns.yaml");
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().message.find("8 fringes has 2 of 3 steps"), std::string::npos);
+  sequence.frames.push_back(Phase(Axis::kU, 8.0, 2, 3));
+  EXPECT_TRUE(Validate(sequence, "patterns.yaml"));
+  sequence.frames.push_back(Phase(Axis::kU, 8.0, 2, 3));
+  EXPECT_FALSE(Validate(sequence, "patterns.yaml"));
+  sequence.frames = {Gray(0, false), Gray(2, false)};
+  EXPECT_FALSE(Validate(sequence, "patterns.yaml"));
+  sequence.frames = {Phase(Axis::kU, std::numeric_limits<double>::quiet_NaN(), 0, 3)};
+  EXPECT_FALSE(Validate(sequence, "patterns.yaml"));
+}
+
+TEST(RenderPattern, PhaseIsTheStatedCosine) {
+  Pattern pattern = Phase(Axis::kV, 5.0, 1, 4);
+  pattern.phase_sign = -1.0;
+  pattern.phase_offset_rad = 0.3;
+  const Image<std::uint8_t> picture = RenderPattern(pattern, 9, 100, 1.0);
+  for (int y = 0; y < 100; ++y) {
+    const double phase = -(2.0 * kPi * 5.0 * (y + 0.5) / 100.0 + 0.3) - 0.5 * kPi;
+    const double expected = 127.5 + 127.5 * std::cos(phase);
+    for (const int x : {0, 4, 8}) EXPECT_NEAR(picture(x, y), expected, 0.501);
+  }
+}
+
+TEST(RenderPattern, GammaIsUndone) {
+  const Image<std::uint8_t> linear = RenderPattern(Phase(Axis::kU, 1.0, 0, 4), 256, 1, 1.0);
+  const Image<std::uint8_t> bent = RenderPattern(Phase(Axis::kU, 1.0, 0, 4), 256, 1, 2.2);
+  for (int x = 0; x < 256; ++x) {
+    // A projector of gamma 2.2 makes the linear picture of the bent one.
+    EXPECT_NEAR(255.0 * std::pow(bent(x, 0) / 255.0, 2.2), linear(x, 0), 1.6);
+  }
+}
+
+TEST(RenderPattern, NeighbouringGrayCodesDifferInOneBit) {
+  constexpr int kBits = 6;
+  std::vector<unsigned> codes(64, 0);
+  for (int bit = 0; bit < kBits; ++bit) {
+    const Image<std::uint8_t> picture = RenderPattern(Gray(bit, false), 64, 2, 1.0);
+    const Image<std::uint8_t> inverse = RenderPattern(Gray(bit, true), 64, 2, 1.0);
+    for (int x = 0; x < 64; ++x) {
+      EXPECT_EQ(picture(x, 1) + inverse(x, 1), 255);
+      codes[static_cast<std::size_t>(x)] |= (picture(x, 0) > 127 ? 1U : 0U) << bit;
+    }
+  }
+  for (unsigned x = 0; x < 64; ++x) EXPECT_EQ(codes[x], x ^ (x >> 1U));
+}
+
+TEST(RenderPattern, GrayCellAndOffsetShiftTheCode) {
+  Pattern pattern = Gray(0, false);
+  pattern.cell_px = 2;
+  pattern.offset_px = -1.0;
+  // code = floor((u + 1 + 1/2) / 2): 0, 1, 1, 2, 2, 3, ...; bit 0 of the Gray code: 0 1 1 1 1 0.
+  const Image<std::uint8_t> picture = RenderPattern(pattern, 6, 1, 1.0);
+  const std::vector<int> expected = {0, 255, 255, 255, 255, 0};
+  for (int x = 0; x < 6; ++x) EXPECT_EQ(picture(x, 0), expected[static_cast<std::size_t>(x)]) << x;
+}
+
+}  // namespace
+}  // namespace fringe_fusion
