@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "fringe_fusion/io/mesh_io.hpp"
+
 namespace fringe_fusion::sim {
 namespace {
 
@@ -206,7 +208,12 @@ Result<Mesh> MakeObject(const std::string& name_or_path) {
   if (name_or_path == "ball_bar") return MakeBallBar(0.07, 0.015);
   if (name_or_path == "step_block") return MakeStepBlock(5, 0.008, 0.014, 0.04);
   if (name_or_path == "freeform") return MakeFreeform(0.0006);
-  return Fail("object '{}' is none of plane, sphere, ball_bar, step_block, freeform", name_or_path);
+  if (name_or_path.find('.') == std::string::npos) {
+    return Fail(
+        "object '{}' is neither plane, sphere, ball_bar, step_block, freeform nor a mesh file",
+        name_or_path);
+  }
+  return ReadMesh(name_or_path);
 }
 
 }  // namespace fringe_fusion::sim
