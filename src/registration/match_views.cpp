@@ -87,7 +87,8 @@ void RejectOutliers(ViewPair& pair, const MatchLimits& limits, double scale_floo
   }
 }
 
-bool HasOverlap(const ViewPair& pair, const SurfaceSet& set, const MatchLimits& limits) {
+bool HasOverlap(const ViewPair& pair, const SurfaceSet& set, const MatchLimits& limits,
+                bool counted) {
   const ViewSurface& first = set.surfaces[At(pair.first)];
   const ViewSurface& second = set.surfaces[At(pair.second)];
   const auto count = [&](const ViewSurface& surface, int level) {
@@ -100,9 +101,11 @@ bool HasOverlap(const ViewPair& pair, const SurfaceSet& set, const MatchLimits& 
   const int finest = ViewSurface::kNumLevels - 1;
   const double share = (count(first, limits.level) + count(second, limits.level)) /
                        (count(first, finest) + count(second, finest));
-  const double needed = std::max(6.0, share * limits.min_correspondences);
+  const double relief = counted ? 0.5 : 1.0;
+  const double needed = std::max(6.0, relief * share * limits.min_correspondences);
   const auto found = static_cast<double>(pair.from_first.size() + pair.from_second.size());
-  return found >= needed && std::max(ratio_first, ratio_second) >= limits.min_overlap_ratio;
+  return found >= needed &&
+         std::max(ratio_first, ratio_second) >= relief * limits.min_overlap_ratio;
 }
 
 // A point seen by K views yields K-1 residuals that share its noise, and each pair is searched from
@@ -162,7 +165,7 @@ void Summarize(MatchSet& matches) {
 std::vector<PairNumbers> AllPairs(int num_views) {
   std::vector<PairNumbers> pairs;
   for (int i = 0; i < num_views; ++i) {
-    for (int k = i + 1; k < num_views; ++k) pairs.push_back({i, k});
+    for (int k = i + 1; k < num_views; ++k) pairs.push_back({i, k, false});
   }
   return pairs;
 }
@@ -215,7 +218,7 @@ MatchSet MatchViews(const SurfaceSet& set, const std::vector<Transform>& poses,
       SetResiduals(pair, true, set, poses);
       SetResiduals(pair, false, set, poses);
       RejectOutliers(pair, limits, ScaleFloor(set));
-      pair.counts = HasOverlap(pair, set, limits);
+      pair.counts = HasOverlap(pair, set, limits, pairs[At(i)].counted);
     }
   });
   WeightRepeatedUse(out, set, limits.level);

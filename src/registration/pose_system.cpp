@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace fringe_fusion {
@@ -182,6 +183,7 @@ Result<PoseStep> SolvePoses(const std::vector<PairInformation>& pairs,
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (!constraints[i].held) slot[i] = num_free++;
   }
+  if (num_free == 0) return Fail("registration: all {} poses are held", poses.size());
   System system(6 * num_free);
   for (const PairInformation& pair : pairs) AddPair(pair, slot, poses, data_scale, system);
   for (std::size_t i = 0; i < poses.size(); ++i) {
@@ -194,6 +196,9 @@ Result<PoseStep> SolvePoses(const std::vector<PairInformation>& pairs,
     return Fail("registration: the system of {} poses has no finite solution", num_free);
   }
   PoseStep out;
+  // Newton decrement: unlike the marginal covariances it is not blurred by a free common motion.
+  const double decrement = -step.dot(system.gradient);
+  out.size_sigma = std::sqrt(std::max(0.0, decrement) / (6.0 * num_free));
   for (const int s : slot) {
     if (s < 0) {
       out.xi.push_back(Vector6d::Zero());

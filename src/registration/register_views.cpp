@@ -1,6 +1,7 @@
 #include "fringe_fusion/registration/register_views.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "fringe_fusion/common/parallel.hpp"
@@ -11,9 +12,10 @@ namespace fringe_fusion {
 namespace {
 
 constexpr double kRadPerDeg = M_PI / 180.0;
-// A level ends when no point of any view moves by more than this share of the point spacing. The
-// partners of a coarser level are too few for more.
-constexpr std::array<double, ViewSurface::kNumLevels> kStopMotion = {0.1, 0.02, 0.002};
+// A level ends when the joint step is this small in its own standard deviations ...
+constexpr std::array<double, ViewSurface::kNumLevels> kStopSigma = {1.0, 0.3, 0.03};
+// ... or, for data without noise, moves no point by more than this share of the point spacing.
+constexpr double kStopMotion = 1e-5;
 
 std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
@@ -94,7 +96,7 @@ class Registration {
   [[nodiscard]] double Residual() const {
     MatchLimits limits = Limits(1);
     limits.radius_m = config_.max_distance_m;
-    return MatchViews(set_, poses_, pairs_, limits).rms_m;
+    return MatchViews(set_, poses_, AllPairs(static_cast<int>(poses_.size())), limits).rms_m;
   }
 
   [[nodiscard]] RegistrationResult Finish(const ViewGraph& graph) const;
@@ -138,7 +140,9 @@ class Registration {
     }
     covariances_ = std::move(step->covariance);
     ShrinkRadius(motion);
-    converged_ = motion <= kStopMotion[At(level)] * set_.max_spacing_m;
+    for (std::size_t i = 0; i < pairs_.size(); ++i) pairs_[i].counted = matches_.pairs[i].counts;
+    converged_ = shorten == 1.0 && (step->size_sigma <= kStopSigma[At(level)] ||
+                                    motion <= kStopMotion * set_.max_spacing_m);
     return {};
   }
 
@@ -156,11 +160,11 @@ class Registration {
   }
 
   void DropEmptyPairs() {
-    if (matches_.pairs.size() != pairs_.size()) return;
+    if (matches_.pairs.empty()) return;  // no iteration yet
     std::vector<PairNumbers> kept;
     for (const ViewPair& pair : matches_.pairs) {
       if (!pair.from_first.empty() || !pair.from_second.empty()) {
-        kept.push_back({pair.first, pair.second});
+        kept.push_back({pair.first, pair.second, pair.counts});
       }
     }
     pairs_ = std::move(kept);
@@ -220,7 +224,9 @@ RegistrationResult Registration::Finish(const ViewGraph& graph) const {
       const auto partnered = std::count(sums[i].partnered.begin(), sums[i].partnered.end(), true);
       view.overlap_ratio = static_cast<double>(partnered) / samples;
       view.rms_m = std::sqrt(sums[i].squares / std::max(1, sums[i].residuals));
-      if (!constraints_[i].held) {
+      if (constraints_[i].held) {
+        view.pose.covariance.setZero();  // the others are stated relative to it
+      } else {
         view.pose.T_object_camera = poses_[i];
         view.pose.covariance = covariances_[i];
         view.pose.source = PoseSource::kRegistration;

@@ -48,6 +48,7 @@ struct MatchSet {
 struct PairNumbers {
   int first = 0;
   int second = 0;
+  bool counted = false;  ///< counted before: half the overlap suffices, so that it does not flicker
 };
 [[nodiscard]] std::vector<PairNumbers> AllPairs(int num_views);
 

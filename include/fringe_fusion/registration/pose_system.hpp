@@ -40,6 +40,8 @@ struct PoseConstraint {
 struct PoseStep {
   std::vector<Vector6d> xi;          ///< right perturbations; zero for held views
   std::vector<Matrix6d> covariance;  ///< of the poses after convergence; zero for held views
+  double size_sigma =
+      0.0;  ///< rms size of the step in its own standard deviations, all poses joint
 };
 
 /// Solves the joint system of all pairs and priors.
