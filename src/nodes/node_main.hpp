@@ -2,6 +2,7 @@
 
 #include <ros/console.h>
 #include <ros/init.h>
+#include <ros/this_node.h>
 
 #include "nodes/node_runner.hpp"
 
