@@ -23,7 +23,7 @@
 
 namespace fringe_fusion::nodes {
 
-/// Parameters of cell_node. File: config/cell.yaml.
+/// Parameters of cell_node. File: config/cell_node.yaml.
 struct CellNodeConfig {
   int num_views = 12;           ///< of a goal that does not say
   int max_views_in_flight = 2;  ///< captured, but not yet in the model

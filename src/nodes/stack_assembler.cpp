@@ -1,5 +1,6 @@
 #include "nodes/stack_assembler.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "fringe_fusion/ros_io/frame_messages.hpp"
@@ -21,40 +22,47 @@ Result<StackAssembler::Outcome> StackAssembler::Add(const Frame& frame) {
   if (!pattern) return Forward(pattern);
 
   Outcome outcome;
-  if (StartsAnew(frame)) {
-    if (!missing_.empty() && missing_.size() < stack_.frames.size()) {
-      outcome.discarded = fmt::format(
-          "view {} of scan '{}' given up: {} of {} frames never came, the first is {}",
-          stack_.view_id, stack_.scan_id, missing_.size(), stack_.frames.size(), *missing_.begin());
-    }
-    Start(frame);
+  auto open = std::find_if(open_.begin(), open_.end(), [&frame](const Open& candidate) {
+    return candidate.stack.scan_id == frame.scan_id &&
+           candidate.stack.view_id == static_cast<int>(frame.view_id);
+  });
+  const bool repeated = open != open_.end() && (frame.num_frames != open->stack.frames.size() ||
+                                                (frame.index == 0 && open->missing.count(0) == 0));
+  if (repeated) outcome.discarded = GiveUp(std::exchange(open, open_.end()));
+  if (open == open_.end()) {
+    if (open_.size() >= kMaxOpen) outcome.discarded = GiveUp(open_.begin());
+    open = open_.insert(open_.end(), Start(frame));
   }
-  stack_.frames[frame.index] = std::move(*captured);
-  stack_.sequence.frames[frame.index] = *pattern;
-  missing_.erase(frame.index);
-  if (!missing_.empty()) return outcome;
-  outcome.stack = std::exchange(stack_, ImageStack{});
-  outcome.camera_frame = camera_frame_;
+  open->stack.frames[frame.index] = std::move(*captured);
+  open->stack.sequence.frames[frame.index] = *pattern;
+  open->missing.erase(frame.index);
+  if (!open->missing.empty()) return outcome;
+  outcome.stack = std::move(open->stack);
+  outcome.camera_frame = open->camera_frame;
+  open_.erase(open);
   return outcome;
 }
 
-bool StackAssembler::StartsAnew(const Frame& frame) const {
-  return missing_.empty() || frame.scan_id != stack_.scan_id ||
-         static_cast<int>(frame.view_id) != stack_.view_id ||
-         frame.num_frames != stack_.frames.size() || (frame.index == 0 && missing_.count(0) == 0);
+StackAssembler::Open StackAssembler::Start(const Frame& frame) {
+  Open open;
+  open.stack.scan_id = frame.scan_id;
+  open.stack.view_id = static_cast<int>(frame.view_id);
+  open.stack.sequence.width = static_cast<int>(frame.projector_width);
+  open.stack.sequence.height = static_cast<int>(frame.projector_height);
+  open.stack.sequence.frames.resize(frame.num_frames);
+  open.stack.frames.resize(frame.num_frames);
+  open.camera_frame = frame.header.frame_id;
+  for (std::uint32_t i = 0; i < frame.num_frames; ++i) open.missing.insert(i);
+  return open;
 }
 
-void StackAssembler::Start(const Frame& frame) {
-  stack_ = ImageStack{};
-  stack_.scan_id = frame.scan_id;
-  stack_.view_id = static_cast<int>(frame.view_id);
-  stack_.sequence.width = static_cast<int>(frame.projector_width);
-  stack_.sequence.height = static_cast<int>(frame.projector_height);
-  stack_.sequence.frames.resize(frame.num_frames);
-  stack_.frames.resize(frame.num_frames);
-  camera_frame_ = frame.header.frame_id;
-  missing_.clear();
-  for (std::uint32_t i = 0; i < frame.num_frames; ++i) missing_.insert(missing_.end(), i);
+std::string StackAssembler::GiveUp(std::list<Open>::iterator open) {
+  const std::string words =
+      fmt::format("view {} of scan '{}' given up: {} of {} frames never came, the first is {}",
+                  open->stack.view_id, open->stack.scan_id, open->missing.size(),
+                  open->stack.frames.size(), *open->missing.begin());
+  open_.erase(open);
+  return words;
 }
 
 }  // namespace fringe_fusion::nodes

@@ -2,18 +2,18 @@
 
 #include <fringe_fusion/Frame.h>
 
+#include <list>
 #include <optional>
 #include <set>
 #include <string>
-#include <vector>
 
 #include "fringe_fusion/capture/image_stack.hpp"
 #include "fringe_fusion/common/result.hpp"
 
 namespace fringe_fusion::nodes {
 
-/// Collects the Frames of one view at a time until its stack is complete. The first frame of
-/// another view, or frame 0 of the same one again (a repeated view), starts anew.
+/// Collects the Frames of views until their stacks are complete. Frame 0 of a view again (a
+/// repeated view) starts it anew; of more than kMaxOpen views at a time the oldest is given up.
 class StackAssembler {
  public:
   /// What became of one frame.
@@ -28,12 +28,17 @@ class StackAssembler {
   [[nodiscard]] Result<Outcome> Add(const Frame& frame);
 
  private:
-  [[nodiscard]] bool StartsAnew(const Frame& frame) const;
-  void Start(const Frame& frame);
+  /// Two publishers, the scanner and a resumed scan from disk, may overlap by a view.
+  static constexpr std::size_t kMaxOpen = 2;
+  struct Open {
+    ImageStack stack;
+    std::string camera_frame;
+    std::set<std::uint32_t> missing;
+  };
+  [[nodiscard]] static Open Start(const Frame& frame);
+  [[nodiscard]] std::string GiveUp(std::list<Open>::iterator open);
 
-  ImageStack stack_;
-  std::string camera_frame_;
-  std::set<std::uint32_t> missing_;
+  std::list<Open> open_;  ///< the oldest first
 };
 
 }  // namespace fringe_fusion::nodes
