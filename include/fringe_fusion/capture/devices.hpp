@@ -42,9 +42,10 @@ class Motion {
   [[nodiscard]] virtual std::string Id() const = 0;
   /// Starts moving; Poll tells when it is done.
   [[nodiscard]] virtual Status MoveTo(const std::vector<double>& joint_positions) = 0;
-  /// @return positions now [rad or m] and whether the motion has settled.
+  /// @return positions now [rad or m], velocities, and whether the motion has settled.
   struct State {
     std::vector<double> joint_positions;
+    std::vector<double> joint_velocities;  ///< [rad/s or m/s]
     bool settled = false;
   };
   [[nodiscard]] virtual Result<State> Poll() = 0;

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <fringe_fusion/SimExpose.h>
+#include <fringe_fusion/SimProject.h>
+#include <ros/node_handle.h>
+#include <sensor_msgs/JointState.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/sim/sim_cell.hpp"
+#include "nodes/backends/gige_server.hpp"
+
+namespace fringe_fusion::nodes {
+
+struct CellSimNodeConfig {
+  std::string calibration_file;  ///< path of cell.yaml: the true geometry of both devices
+  std::string object;            ///< name of a gauge, or path of a mesh file [m]
+  double plate_radius_m = 0.1;   ///< turntable plate below the object; 0: none
+  double plate_thickness_m = 0.01;
+  std::string object_frame = "object";
+  std::string camera_frame = "camera_optical_frame";
+  double tf_timeout_s = 2.0;  ///< wait for tf to reach the last joint state
+
+  template <typename Visitor>
+  void Visit(Visitor&& field) {
+    field("calibration_file", calibration_file);
+    field("object", object);
+    field("plate_radius_m", plate_radius_m, 0.0, 10.0);
+    field("plate_thickness_m", plate_thickness_m, 1e-6, 10.0);
+    field("object_frame", object_frame);
+    field("camera_frame", camera_frame);
+    field("tf_timeout_s", tf_timeout_s, 0.0, 60.0);
+  }
+};
+
+/// The simulated cell behind the devices' interfaces: services `~project` and `~expose`, and a GigE
+/// Vision camera if configured. What only a simulation knows is on `~truth/pose` and
+/// `~truth/points`, latched, for tests alone.
+class CellSimNode {
+ public:
+  /// @return error naming a parameter, cell.yaml or the object.
+  [[nodiscard]] static Result<std::unique_ptr<CellSimNode>> Create(
+      const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
+
+ private:
+  CellSimNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
+              CellSimNodeConfig config, sim::SimCell cell);
+  [[nodiscard]] Status StartGige(const GigeServerConfig& config);
+
+  bool OnProject(SimProject::Request& request, SimProject::Response& response);
+  bool OnExpose(SimExpose::Request& request, SimExpose::Response& response);
+  void OnJointState(const sensor_msgs::JointStateConstPtr& message);
+
+  /// One exposure that takes its time, stamped by the host's clock.
+  [[nodiscard]] Result<CapturedFrame> Expose(double exposure_s);
+  /// Moves the cell to where tf says it stands. Needs cell_mutex_.
+  [[nodiscard]] Status UpdatePose();
+  void PublishTruth(const ros::Time& stamp);
+
+  CellSimNodeConfig config_;
+
+  std::mutex joint_mutex_;
+  sensor_msgs::JointStateConstPtr joint_state_;
+
+  std::mutex cell_mutex_;  // Guards what follows.
+  sim::SimCell cell_;
+  Image<std::uint8_t> picture_;
+  std::optional<Transform> T_object_camera_;  // Commanded, of the rays that are cast.
+  int pose_index_ = 0;
+  int frame_index_ = 0;
+
+  tf2_ros::Buffer tf_buffer_;
+  tf2_ros::TransformListener tf_listener_;
+  ros::Publisher truth_pose_;
+  ros::Publisher truth_points_;
+  ros::Subscriber joint_states_;
+  ros::ServiceServer project_;
+  ros::ServiceServer expose_;
+  std::unique_ptr<GigeServer> gige_server_;  // Last: its thread uses all of the above.
+};
+
+}  // namespace fringe_fusion::nodes

@@ -1,0 +1,150 @@
+// Device backends that need no ROS master: simulated axes and replayed frames.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "fringe_fusion/sim/sim_cell.hpp"
+#include "nodes/backends/replay_camera.hpp"
+#include "nodes/backends/sim_motion.hpp"
+
+namespace fringe_fusion::nodes {
+namespace {
+
+class SimMotionTest : public ::testing::Test {
+ protected:
+  Motion::State StateAt(double time_s) {
+    now_s_ = time_s;
+    return motion_.Poll().value();
+  }
+
+  double now_s_ = 0.0;
+  SimMotionConfig config_{3.0, 15.0, 0.1};
+  SimMotion motion_{config_, {0.0, 1.0}, [this] { return now_s_; }};
+};
+
+TEST_F(SimMotionTest, KeepsSpeedAndAccelerationAndArrivesExactly) {
+  const std::vector<double> target = {2.0, 0.5};
+  ASSERT_TRUE(motion_.MoveTo(target));
+  // Trapezoid: 2 rad at 3 rad/s and 15 rad/s^2 take 2 / 3 + 3 / 15 s.
+  const double duration_s = 2.0 / 3.0 + 3.0 / 15.0;
+  constexpr double kStepS = 1e-4;
+  std::vector<double> last = StateAt(0.0).joint_positions;
+  double last_speed = 0.0;
+  for (double t = kStepS; t < duration_s; t += kStepS) {
+    const Motion::State state = StateAt(t);
+    const double speed = (state.joint_positions[0] - last[0]) / kStepS;
+    EXPECT_LE(speed, 3.0 + 1e-6);
+    EXPECT_LE(std::abs(speed - last_speed) / kStepS, 15.0 + 1e-3) << t;
+    EXPECT_NEAR(state.joint_velocities[0], speed, 15.0 * kStepS);
+    EXPECT_NEAR(state.joint_positions[1], 1.0 - 0.25 * state.joint_positions[0], 1e-12);
+    EXPECT_FALSE(state.settled);
+    last = state.joint_positions;
+    last_speed = speed;
+  }
+  EXPECT_NEAR(last[0], 2.0, 1e-5);
+  EXPECT_FALSE(StateAt(duration_s + 0.09).settled);
+  const Motion::State end = StateAt(duration_s + 0.11);
+  EXPECT_TRUE(end.settled);
+  EXPECT_EQ(end.joint_positions, target);
+  EXPECT_EQ(end.joint_velocities, std::vector<double>({0.0, 0.0}));
+}
+
+TEST_F(SimMotionTest, MovesThirtyDegreesWithinHalfASecond) {
+  ASSERT_TRUE(motion_.MoveTo({std::acos(-1.0) / 6.0, 1.0}));
+  EXPECT_FALSE(StateAt(0.0).settled);
+  EXPECT_TRUE(StateAt(0.5).settled);
+}
+
+TEST_F(SimMotionTest, StopsByBrakingAndStaysThere) {
+  ASSERT_TRUE(motion_.MoveTo({2.0, 1.0}));
+  const double begin = StateAt(0.4).joint_positions[0];
+  ASSERT_TRUE(motion_.Stop());
+  // v^2 / (2 a) with v = 3, a = 15.
+  const Motion::State end = StateAt(0.4 + 3.0 / 15.0 + 0.11);
+  EXPECT_TRUE(end.settled);
+  EXPECT_NEAR(end.joint_positions[0], begin + 0.3, 1e-9);
+  EXPECT_EQ(StateAt(10.0).joint_positions, end.joint_positions);
+  ASSERT_TRUE(motion_.MoveTo({0.0, 1.0}));
+  EXPECT_EQ(StateAt(20.0).joint_positions, std::vector<double>({0.0, 1.0}));
+}
+
+TEST_F(SimMotionTest, RefusesWhatItCannotDo) {
+  EXPECT_FALSE(motion_.MoveTo({1.0}));
+  EXPECT_FALSE(motion_.MoveTo({1.0, std::numeric_limits<double>::quiet_NaN()}));
+  ASSERT_TRUE(motion_.MoveTo({1.0, 1.0}));
+  now_s_ = 0.1;
+  const Status refused = motion_.MoveTo({0.0, 0.0});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("still moving"), std::string::npos);
+}
+
+class ReplayCameraTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("fringe_fusion_replay_" + std::to_string(::getpid()));
+    std::filesystem::remove_all(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  // Frame i is grey 10 i + 5 and stamped 1000 (i + 1) ns.
+  void WriteScan() const {
+    CellCalibration calibration = sim::DefaultCalibration();
+    calibration.camera.width = 8;
+    calibration.camera.height = 6;
+    PatternConfig pattern;
+    pattern.fringes = "1";
+    pattern.axis_v = false;
+    ImageStack stack;
+    stack.view_id = 3;
+    stack.sequence = MakeSequence(pattern, 1280, 800).value();
+    for (std::size_t i = 0; i < stack.sequence.frames.size(); ++i) {
+      CapturedFrame frame;
+      frame.pixels = Image<std::uint8_t>(8, 6, static_cast<std::uint8_t>(10 * i + 5));
+      frame.stamp_ns = static_cast<std::int64_t>(1000 * (i + 1));
+      frame.exposure_s = 0.01;
+      stack.frames.push_back(frame);
+    }
+    const ScanFolder scan = CreateScan(folder_.string(), calibration, stack.sequence).value();
+    const Status written = WriteStack(scan, stack, std::nullopt, {});
+    ASSERT_TRUE(written) << written.error().message;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(ReplayCameraTest, GivesTheFramesInTheirOrderAndBeginsAnew) {
+  ReplayCamera camera({folder_.string(), 3, true});
+  ASSERT_TRUE(camera.Configure(0.01, 1.0));
+  const Result<CapturedFrame> missing = camera.Capture(1.0);
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().message.find(folder_.string()), std::string::npos);
+  ASSERT_NO_FATAL_FAILURE(WriteScan());  // The device appears.
+  for (int i = 0; i < 13; ++i) {
+    const Result<CapturedFrame> frame = camera.Capture(1.0);
+    ASSERT_TRUE(frame) << frame.error().message;
+    const int index = i % 6;  // white, black, 4 phase steps
+    EXPECT_EQ(std::get<Image<std::uint8_t>>(frame->pixels)(7, 5), 10 * index + 5);
+    EXPECT_EQ(frame->stamp_ns, 1000 * (index + 1));
+    EXPECT_EQ(frame->exposure_s, 0.01);
+  }
+}
+
+TEST_F(ReplayCameraTest, StampsByTheClockWhenAsked) {
+  ASSERT_NO_FATAL_FAILURE(WriteScan());
+  ReplayCamera camera({folder_.string(), 3, false});
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  EXPECT_GE(camera.Capture(1.0)->stamp_ns,
+            std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
+
+TEST(CellYaml, HoldsTheSimulatedDevices) {
+  const auto calibration = ReadCellCalibration(std::string(SOURCE_DIR) + "/config/cell.yaml");
+  ASSERT_TRUE(calibration) << calibration.error().message;
+  EXPECT_EQ(CalibrationId(*calibration), CalibrationId(sim::DefaultCalibration()));
+}
+
+}  // namespace
+}  // namespace fringe_fusion::nodes
