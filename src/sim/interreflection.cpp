@@ -104,8 +104,9 @@ void Interreflection::Gather(const RayScene& scene, const Shader& shader, Receiv
   const RandomStream random(RandomUse::kGather, {index});
   constexpr double kShare = 1.0 / (kRings * kSectors);
   for (int k = 0; k < kRings * kSectors; ++k) {
-    const auto counter = static_cast<std::uint64_t>(2 * k);
-    const double sine_squared = (k / kSectors + random.Uniform(counter)) / kRings;
+    const int ring = k / kSectors;
+    const auto counter = static_cast<std::uint64_t>(k) * 2U;
+    const double sine_squared = (ring + random.Uniform(counter)) / kRings;
     const double azimuth = 2.0 * kPi * (k % kSectors + random.Uniform(counter + 1)) / kSectors;
     const double sine = std::sqrt(sine_squared);
     const Eigen::Vector3d local(sine * std::cos(azimuth), sine * std::sin(azimuth),

@@ -78,10 +78,10 @@ double NominalDistance(const CellCalibration& calibration) {
 }
 
 Eigen::Vector2d ProjectSafely(const CameraModel& model, const Eigen::Vector3d& point_device) {
-  const Eigen::Vector2d pixel = Project(model, point_device);
+  Eigen::Vector2d pixel = Project(model, point_device);
   const Eigen::Vector2d back = Undistort(model, pixel);
   if (!((back - point_device.head<2>() / point_device.z()).norm() < 1e-6)) {
-    return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+    pixel.setConstant(std::numeric_limits<double>::quiet_NaN());
   }
   return pixel;
 }

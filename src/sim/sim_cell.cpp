@@ -106,9 +106,10 @@ Image<float> SimCell::Impl::Radiance(const Image<std::uint8_t>& projected) const
   ParallelFor(static_cast<int>(view.edges.size()), 1024, [&](int begin, int end) {
     for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
       const auto pixel = static_cast<std::size_t>(view.edges[i].pixel);
+      const auto first = static_cast<std::size_t>(view.edges[i].first);
       float sum = 0.0F;
-      for (int k = 0; k < kEdgeSamples; ++k) {
-        sum += shade(view.edge_samples[static_cast<std::size_t>(view.edges[i].first + k)], pixel);
+      for (std::size_t k = first; k < first + kEdgeSamples; ++k) {
+        sum += shade(view.edge_samples[k], pixel);
       }
       radiance[pixel] = sum / static_cast<float>(kEdgeSamples);
     }
