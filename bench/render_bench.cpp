@@ -26,9 +26,7 @@ void CountPixels(benchmark::State& state) {
 }
 
 // One picture of a phase pattern at a known pose.
-void Expose(benchmark::State& state, const sim::SimConfig& config) {
-  sim::SimCell cell = bench::MakeBenchCell(config, static_cast<int>(state.range(0)),
-                                           static_cast<int>(state.range(1)), 3);
+void Expose(benchmark::State& state, sim::SimCell cell) {
   Pattern pattern;
   pattern.kind = PatternKind::kPhase;
   pattern.fringes = 64.0;
@@ -45,22 +43,42 @@ void Expose(benchmark::State& state, const sim::SimConfig& config) {
   CountPixels(state);
 }
 
-void BM_Expose(benchmark::State& state) { Expose(state, NoisyConfig()); }
+sim::SimCell PartCell(const benchmark::State& state, const sim::SimConfig& config) {
+  return bench::MakeBenchCell(config, static_cast<int>(state.range(0)),
+                              static_cast<int>(state.range(1)), 3);
+}
+
+void BM_Expose(benchmark::State& state) { Expose(state, PartCell(state, NoisyConfig())); }
 BENCHMARK(BM_Expose)->Apply(Sizes);
+
+// The dearest case: every pixel is lit.
+void BM_ExposeFilled(benchmark::State& state) {
+  Result<sim::SimCell> cell = sim::SimCell::Create(
+      NoisyConfig(),
+      bench::ScannerOfSize(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))),
+      sim::MakePlane(0.5, 50), Mesh{});
+  const Transform T = sim::TurntablePose(0, 1, 0.5, 80.0, Eigen::Vector3d::Zero());
+  if (!cell || !cell->MoveTo(T, 0)) {
+    state.SkipWithError("no cell");
+    return;
+  }
+  Expose(state, std::move(*cell));
+}
+BENCHMARK(BM_ExposeFilled)->Apply(Sizes);
 
 void BM_ExposeBlurred(benchmark::State& state) {
   sim::SimConfig config = NoisyConfig();
   config.projector_blur_px = 0.8;
   config.camera_blur_px = 0.6;
   config.bit_depth = 12;
-  Expose(state, config);
+  Expose(state, PartCell(state, config));
 }
 BENCHMARK(BM_ExposeBlurred)->Apply(Sizes);
 
 void BM_ExposeInterreflection(benchmark::State& state) {
   sim::SimConfig config = NoisyConfig();
   config.interreflection = true;
-  Expose(state, config);
+  Expose(state, PartCell(state, config));
 }
 BENCHMARK(BM_ExposeInterreflection)->Apply(Sizes);
 

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <opencv2/calib3d.hpp>
-#include <opencv2/core/eigen.hpp>
 #include <random>
 
 #include "test/sim/scenes.hpp"
@@ -29,9 +28,9 @@ class OpenCvChain {
   [[nodiscard]] Eigen::Vector2d ProjectorPixel(const Eigen::Vector3d& point_camera) const {
     const Eigen::Matrix3d R = calibration_.T_projector_camera.linear();
     const Eigen::Vector3d t = calibration_.T_projector_camera.translation();
-    cv::Mat rotation;
+    const cv::Mat rotation = (cv::Mat_<double>(3, 3) << R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1),
+                              R(1, 2), R(2, 0), R(2, 1), R(2, 2));
     cv::Mat rotation_vector;
-    cv::eigen2cv(R, rotation);
     cv::Rodrigues(rotation, rotation_vector);
     std::vector<cv::Point2d> pixels;
     cv::projectPoints(
