@@ -39,7 +39,7 @@ struct FieldSettings {
 /// normal agrees with that one (fully within 60 deg, not at all beyond 90 deg).
 /// @param views in ascending id.
 /// @return nullptr when no sample reaches the block.
-/// Ref: science section 5.9; order 2: Guennebaud and Gross, Algebraic Point Set Surfaces, 2007.
+/// Ref: order 2: Guennebaud and Gross, Algebraic Point Set Surfaces, 2007.
 [[nodiscard]] std::unique_ptr<BlockField> MakeBlockField(
     BlockKey block, const std::vector<const ViewSamples*>& views, const FieldSettings& settings);
 

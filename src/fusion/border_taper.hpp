@@ -9,7 +9,6 @@ namespace fringe_fusion::internal {
 /// depth steps, so that the field stays continuous where a view begins or ends.
 /// @param taper_px width of the fade; 0: no fade.
 /// @param step_m neighbours farther than this off each other's tangent plane are a depth step.
-/// Ref: science section 5.5, t_b.
 [[nodiscard]] Image<float> BorderTaper(const RangeImage& range, double taper_px, double step_m);
 
 /// Median distance of neighbouring valid points, the larger of the two image directions [m].

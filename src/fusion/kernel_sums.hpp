@@ -16,7 +16,7 @@ using Channel = Eigen::Array<float, kVoxelsPerBlock, 1>;
 using Line = Eigen::Array<float, kBlockSize, 1>;
 using Line3 = std::array<Line, 3>;
 
-/// The additive sums of science section 5.9 on one block, in voxels.
+/// The additive sums on one block, in voxels.
 struct KernelSums {
   Channel weight = Channel::Zero();          ///< W  = sum w
   std::array<Channel, 3> offset;             ///< S1 = sum w p'

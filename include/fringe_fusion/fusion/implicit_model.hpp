@@ -16,7 +16,9 @@ namespace fringe_fusion {
 
 struct FusionConfig {
   double voxel_m = 0.001;
-  int order = 0;  ///< 0: generalised implicit equation with the normal foot; 2: sphere fit
+  /// 0: generalised implicit equation with the normal foot, biased by about R^2 / 16 times the mean
+  /// curvature; 2: the same sums read as an algebraic sphere, without that bias.
+  int order = 2;
   /// Support R of a sample's weight; the width of its Gaussian is R / 2.5. Views whose points are
   /// sparse get a wider one: at least 2.5 times the spacing of their points, at most 16 voxels.
   double kernel_radius_voxels = 3.0;
@@ -62,7 +64,10 @@ struct FieldSample {
 /// and the same views give the same bytes on any number of threads.
 /// Surfaces that face away from each other are kept apart down to a thickness of about 1.5 voxels.
 /// Reading from several threads is safe while no view is added or removed.
-/// Ref: science section 5.1, 5.5 (inverse-variance weights) and 5.9 (additive form).
+/// Order 2 replaces the plane of the mean normal by the sphere that fits the same samples.
+/// Ref: Curless and Levoy, A volumetric method for building complex models from range images, 1996
+/// (sums of weighted distances); Guennebaud and Gross, Algebraic Point Set Surfaces, 2007 (order
+/// 2).
 class ImplicitModel {
  public:
   /// @return error when config is out of bounds or the order is neither 0 nor 2.
