@@ -24,7 +24,7 @@ struct FusionConfig {
   double kernel_radius_voxels = 3.0;
   double border_taper_px = 5.0;    ///< weights fade over this distance to a mask border
   double min_sigma_m = 1e-6;       ///< floor under the stated sigma of a sample
-  double min_weight_ratio = 0.02;  ///< of the median weight: below it the surface stays open
+  double min_weight_ratio = 0.002;  ///< of the median weight: below it the surface stays open
   /// A voxel whose samples' weighted centroid lies farther away along the surface extrapolates.
   double max_centroid_offset_voxels = 1.5;
   double max_memory_gb = 4.0;  ///< refuse before, not after, the memory is gone
