@@ -71,7 +71,7 @@ AxisPixel AxisDecoder::DecodeGray(std::size_t x) const {
   AxisPixel pixel;
   pixel.offset_dn = gray_->offset_dn(x);
   pixel.modulation_dn = gray_->modulation_dn(x);
-  const GrayInterval interval = gray_->Interval(x, config_.max_doubtful_bits);
+  const GrayInterval interval = gray_->Interval(x);
   if (!std::isfinite(interval.centre_px)) return Invalid(pixel, MaskReason::kDoubtfulOrder);
   if (!(interval.centre_px >= -0.5 && interval.centre_px <= plan_.size_px - 0.5)) {
     return Invalid(pixel, MaskReason::kOutsideProjector);
@@ -88,7 +88,7 @@ AxisPixel AxisDecoder::DecodePhases(std::size_t x) const {
   pixel.modulation_dn = fits_.back().modulation_dn(x);
   Estimate estimate;
   if (gray_) {
-    const GrayInterval interval = gray_->Interval(x, gray_->num_bits());
+    const GrayInterval interval = gray_->Interval(x);
     if (!std::isfinite(interval.centre_px)) return Invalid(pixel, MaskReason::kDoubtfulOrder);
     estimate.coordinate_px = interval.centre_px;
     estimate.half_px = interval.half_px;

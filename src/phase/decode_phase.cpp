@@ -7,6 +7,7 @@
 #include "axis_decoder.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
+#include "gray_cells.hpp"
 #include "gray_smoothing.hpp"
 #include "phase_mask.hpp"
 
@@ -128,14 +129,27 @@ Status DecodeRows(const ImageStack& stack, const DecodePlan& plan, const PhaseCo
   return {};
 }
 
-void SmoothGrayAxis(const AxisPlan& plan, const PhaseConfig& config, Image<float>& value,
-                    Image<float>& sigma) {
-  if (!plan.gray || !plan.sets.empty() || config.gray_fit_radius_px == 0) return;
+bool IsGrayAlone(const AxisPlan& plan) { return plan.gray.has_value() && plan.sets.empty(); }
+
+void SmoothGrayAxis(const PhaseConfig& config, Image<float>& value, Image<float>& sigma) {
   CoordinateImage smooth =
       decode::SmoothGrayCode({std::move(value), std::move(sigma)}, config.gray_fit_radius_px,
                              static_cast<float>(config.max_edge_step_px));
   value = std::move(smooth.value_px);
   sigma = std::move(smooth.sigma_px);
+}
+
+// A Gray code alone has whole cells: their rounding is taken out here.
+PhaseMap RefineGrayCode(PhaseMap map, const DecodePlan& plan, const PhaseConfig& config) {
+  const bool gray_u = IsGrayAlone(plan.u);
+  const bool gray_v = IsGrayAlone(plan.v);
+  if (gray_u && gray_v && config.gray_one_per_cell) {
+    return decode::KeepOnePixelPerCell(std::move(map), *plan.u.gray, *plan.v.gray, config);
+  }
+  if (config.gray_fit_radius_px == 0) return map;
+  if (gray_u) SmoothGrayAxis(config, map.u, map.sigma_u);
+  if (gray_v) SmoothGrayAxis(config, map.v, map.sigma_v);
+  return map;
 }
 
 }  // namespace
@@ -166,6 +180,8 @@ const char* MaskReasonName(MaskReason reason) {
       return "out of range";
     case MaskReason::kIsolated:
       return "isolated";
+    case MaskReason::kMerged:
+      return "merged";
   }
   return "unknown";
 }
@@ -185,8 +201,7 @@ Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
     return tl::unexpected<Error>(status.error());
   }
   map = decode::MaskEdges(std::move(map), config);
-  SmoothGrayAxis(plan->u, config, map.u, map.sigma_u);
-  SmoothGrayAxis(plan->v, config, map.v, map.sigma_v);
+  map = RefineGrayCode(std::move(map), *plan, config);
   if (!progress("decode", 1.0)) return Fail("{}", kCancelled);
   return map;
 }

@@ -45,10 +45,18 @@ void GrayFit::Run(const FrameRows& rows) {
   for (float& value : offset_) value *= share;
 }
 
+// Squared least distance to the threshold [sigma^2]. A wrong coarse bit is a gross error, a wrong
+// finest one costs a cell.
+float GrayFit::LimitOf(std::uint32_t flag) const {
+  const bool fine = flag < (1U << static_cast<std::uint32_t>(config_.num_fine_bits));
+  const double sigmas = fine ? config_.min_fine_bit_sigma : config_.min_bit_sigma;
+  return static_cast<float>(sigmas * sigmas);
+}
+
 void GrayFit::ReadPair(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag) {
   const float* lit = rows.frame(bit.frame);
   const float* unlit = rows.frame(bit.inverse_frame);
-  const auto limit = static_cast<float>(config_.min_bit_sigma * config_.min_bit_sigma);
+  const float limit = LimitOf(flag);
   for (std::size_t x = 0; x < word_.size(); ++x) {
     const float difference = lit[x] - unlit[x];
     const float variance = NoiseVariance(config_, lit[x]) + NoiseVariance(config_, unlit[x]);
@@ -62,7 +70,7 @@ void GrayFit::ReadPair(const FrameRows& rows, const GrayBit& bit, std::uint32_t 
 void GrayFit::ReadSingle(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag) {
   const bool inverse = bit.frame < 0;
   const float* grey = rows.frame(inverse ? bit.inverse_frame : bit.frame);
-  const auto limit = static_cast<float>(config_.min_bit_sigma * config_.min_bit_sigma);
+  const float limit = LimitOf(flag);
   for (std::size_t x = 0; x < word_.size(); ++x) {
     const float bright = rows.bright()[x];
     const float dark = rows.dark()[x];
@@ -77,7 +85,7 @@ void GrayFit::ReadSingle(const FrameRows& rows, const GrayBit& bit, std::uint32_
   }
 }
 
-GrayInterval GrayFit::Interval(std::size_t x, int max_doubtful_bits) const {
+GrayInterval GrayFit::Interval(std::size_t x) const {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   std::uint32_t word = word_[x];
   std::uint32_t doubtful = doubtful_[x];
@@ -89,7 +97,7 @@ GrayInterval GrayFit::Interval(std::size_t x, int max_doubtful_bits) const {
     doubtful >>= 1U;
     cell *= 2.0;
   }
-  if (num_skipped > max_doubtful_bits || num_skipped >= num_bits()) return {kNan, kNan};
+  if (num_skipped > config_.num_fine_bits || num_skipped >= num_bits()) return {kNan, kNan};
   const std::int64_t code = BinaryFromGray(word);
   auto centre = static_cast<double>(code) + 0.5;
   if (doubtful != 0U) {

@@ -24,9 +24,9 @@ class GrayFit {
 
   void Run(const FrameRows& rows);
 
-  /// Cell of the pixel, or NaN when more than `max_doubtful_bits` finest bits are doubtful or the
+  /// Cell of the pixel, or NaN when more than config.num_fine_bits finest bits are doubtful or the
   /// others contradict.
-  [[nodiscard]] GrayInterval Interval(std::size_t x, int max_doubtful_bits) const;
+  [[nodiscard]] GrayInterval Interval(std::size_t x) const;
   /// Half the mean difference of lit and unlit over the bits [DN].
   [[nodiscard]] float modulation_dn(std::size_t x) const { return modulation_[x]; }
   /// Mean grey value between lit and unlit [DN].
@@ -34,6 +34,7 @@ class GrayFit {
   [[nodiscard]] int num_bits() const { return static_cast<int>(code_.bits.size()); }
 
  private:
+  [[nodiscard]] float LimitOf(std::uint32_t flag) const;
   void ReadPair(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
   void ReadSingle(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
 

@@ -53,31 +53,43 @@ struct FittedCoordinate {
   float sigma_px;
 };
 
-FittedCoordinate FitPixel(const CoordinateImage& code, int x, int y, int radius,
+FittedCoordinate FitPixel(const CoordinateImage& code, int x, int y, int radius_px,
                           float max_step_px) {
   const FittedCoordinate raw{code.value_px(x, y), code.sigma_px(x, y)};
   if (!std::isfinite(raw.value_px)) return raw;
-  const PlaneSums sums = SumWindow(code, x, y, radius, max_step_px);
-  const int least_count = (2 * radius + 1) * (radius + 1);
-  if (sums.count < least_count) return raw;
-  Eigen::Matrix3d inverse;
-  bool invertible = false;
-  sums.normal.computeInverseWithCheck(inverse, invertible, 1e-9);
-  if (!invertible) return raw;
-  const Eigen::Vector3d plane = inverse * sums.right;
+  const std::optional<LocalPlane> plane = FitLocalPlane(code, x, y, radius_px, max_step_px);
+  if (!plane) return raw;
   const double cell_sigma = static_cast<double>(raw.sigma_px);
-  const double residual = std::max(0.0, sums.squares - plane.dot(sums.right)) / (sums.count - 3);
   // sqrt(12) sigma is the cell: slope in cells per camera pixel. Below one, pixels of the same
   // cell carry the same rounding error and count once.
-  const double slope = plane.tail<2>().norm() / (std::sqrt(12.0) * cell_sigma);
-  const double sharing = 1.0 / std::clamp(slope, 1.0 / sums.count, 1.0);
-  const double variance =
-      std::max(cell_sigma * cell_sigma, residual) * std::min(1.0, inverse(0, 0) * sharing);
-  return {static_cast<float>(static_cast<double>(raw.value_px) + plane[0]),
+  const double slope = plane->slope_px_px.norm() / (std::sqrt(12.0) * cell_sigma);
+  const double sharing = 1.0 / std::clamp(slope, 1.0 / plane->count, 1.0);
+  const double variance = std::max(cell_sigma * cell_sigma, plane->residual_px2) *
+                          std::min(1.0, plane->leverage * sharing);
+  return {static_cast<float>(static_cast<double>(raw.value_px) + plane->value_px),
           static_cast<float>(std::sqrt(variance))};
 }
 
 }  // namespace
+
+std::optional<LocalPlane> FitLocalPlane(const CoordinateImage& code, int x, int y, int radius_px,
+                                        float max_step_px) {
+  const PlaneSums sums = SumWindow(code, x, y, radius_px, max_step_px);
+  const int least_count = (2 * radius_px + 1) * (radius_px + 1);
+  if (sums.count < least_count) return std::nullopt;
+  Eigen::Matrix3d inverse;
+  bool invertible = false;
+  sums.normal.computeInverseWithCheck(inverse, invertible, 1e-9);
+  if (!invertible) return std::nullopt;
+  const Eigen::Vector3d plane = inverse * sums.right;
+  LocalPlane out;
+  out.value_px = plane[0];
+  out.slope_px_px = plane.tail<2>();
+  out.residual_px2 = std::max(0.0, sums.squares - plane.dot(sums.right)) / (sums.count - 3);
+  out.leverage = inverse(0, 0);
+  out.count = sums.count;
+  return out;
+}
 
 CoordinateImage SmoothGrayCode(const CoordinateImage& code, int radius_px, float max_step_px) {
   CoordinateImage smooth = code;

@@ -76,30 +76,45 @@ class NormalFit {
     const Eigen::Vector3f point = range_.points(x, y);
     if (!point.allFinite()) return nothing;
     const LocalChart chart(range_.line_of_sight, point);
-    Eigen::Matrix3f normal_matrix = Eigen::Matrix3f::Zero();
-    Eigen::Vector3f right = Eigen::Vector3f::Zero();
-    float scale = 0.0F;
-    int count = 0;
-    for (int j = std::max(0, y - radius_); j <= std::min(range_.height - 1, y + radius_); ++j) {
-      for (int i = std::max(0, x - radius_); i <= std::min(range_.width - 1, x + radius_); ++i) {
-        if (!step_.Connects(x, y, i, j, chart.to_camera())) continue;
-        const Eigen::Vector3f at = chart.Coordinates(range_.points(i, j));
-        const Eigen::Vector3f row(at.x(), at.y(), 1.0F);
-        const float weight = Weight(x, y, i, j);
-        normal_matrix += weight * row * row.transpose();
-        right += weight * at.z() * row;
-        scale = std::max(scale, at.head<2>().squaredNorm());
-        ++count;
-      }
-    }
-    if (count - 1 < min_neighbors_) return nothing;
-    const Eigen::Vector3f plane = Solve(normal_matrix, right, scale);
+    Sums sums = SumWindow(chart, x, y, radius_);
+    // A sparse cloud (one point per projector cell) has few points in a window that is wide enough
+    // for a dense one. The border of a dense one is thin for another reason and stays so.
+    if (sums.num_valid < 2 * min_neighbors_) sums = SumWindow(chart, x, y, 2 * radius_);
+    if (sums.num_connected - 1 < min_neighbors_) return nothing;
+    const Eigen::Vector3f plane = Solve(sums);
     const Eigen::Vector3f normal = chart.Normal(plane);
     if (!(normal.dot(chart.to_camera()) >= min_cosine_)) return nothing;
     return normal;
   }
 
  private:
+  struct Sums {
+    Eigen::Matrix3f normal_matrix = Eigen::Matrix3f::Zero();
+    Eigen::Vector3f right = Eigen::Vector3f::Zero();
+    float scale = 0.0F;  // largest squared distance (p, q) of a point
+    int num_valid = 0;
+    int num_connected = 0;
+  };
+
+  [[nodiscard]] Sums SumWindow(const LocalChart& chart, int x, int y, int radius) const {
+    Sums sums;
+    for (int j = std::max(0, y - radius); j <= std::min(range_.height - 1, y + radius); ++j) {
+      for (int i = std::max(0, x - radius); i <= std::min(range_.width - 1, x + radius); ++i) {
+        if (!IsValid(range_, i, j)) continue;
+        ++sums.num_valid;
+        if (!step_.Connects(x, y, i, j, chart.to_camera())) continue;
+        ++sums.num_connected;
+        const Eigen::Vector3f at = chart.Coordinates(range_.points(i, j));
+        const Eigen::Vector3f row(at.x(), at.y(), 1.0F);
+        const float weight = Weight(x, y, i, j);
+        sums.normal_matrix += weight * row * row.transpose();
+        sums.right += weight * at.z() * row;
+        sums.scale = std::max(sums.scale, at.head<2>().squaredNorm());
+      }
+    }
+    return sums;
+  }
+
   // Inverse variance relative to the pixel itself, so that float sums stay near 1.
   [[nodiscard]] float Weight(int x, int y, int i, int j) const {
     const float ratio = range_.sigma_range(x, y) / range_.sigma_range(i, j);
@@ -107,19 +122,18 @@ class NormalFit {
   }
 
   // Solves in units of the window size; NaN when the points lie on a line.
-  [[nodiscard]] static Eigen::Vector3f Solve(const Eigen::Matrix3f& normal_matrix,
-                                             const Eigen::Vector3f& right, float scale) {
-    const double unit = std::sqrt(static_cast<double>(scale));
+  [[nodiscard]] static Eigen::Vector3f Solve(const Sums& sums) {
+    const double unit = std::sqrt(static_cast<double>(sums.scale));
     const Eigen::Vector3d units(1.0 / unit, 1.0 / unit, 1.0);
     const Eigen::Matrix3d scaled =
-        units.asDiagonal() * normal_matrix.cast<double>() * units.asDiagonal();
+        units.asDiagonal() * sums.normal_matrix.cast<double>() * units.asDiagonal();
     Eigen::Matrix3d inverse;
     bool invertible = false;
     const double size = scaled(2, 2);
     (scaled / size).eval().computeInverseWithCheck(inverse, invertible, 1e-3);
     if (!invertible) return Eigen::Vector3f::Constant(kNan);
     const Eigen::Vector3d plane =
-        units.asDiagonal() * (inverse * (units.asDiagonal() * right.cast<double>())) / size;
+        units.asDiagonal() * (inverse * (units.asDiagonal() * sums.right.cast<double>())) / size;
     return plane.cast<float>();
   }
 

@@ -169,6 +169,7 @@ TEST(DecodePhase, OneAxisAlone) {
 TEST(DecodePhase, GrayCodeGivesCells) {
   const SyntheticScene scene;
   PhaseConfig config;
+  config.gray_one_per_cell = false;
   config.gray_fit_radius_px = 0;
   for (const bool with_inverse : {true, false}) {
     PatternSequence sequence = MakeTestSequence(true, "", 4);
@@ -202,6 +203,7 @@ TEST(DecodePhase, GrayCodeWithCellsOffsetAndNoWhiteOrBlack) {
     sequence.frames.push_back(pattern);
   }
   PhaseConfig config;
+  config.gray_one_per_cell = false;
   config.gray_fit_radius_px = 0;
   const auto map = DecodePhase(Synthesize(sequence, scene), config);
   ASSERT_TRUE(map.has_value()) << map.error().message;
@@ -211,15 +213,30 @@ TEST(DecodePhase, GrayCodeWithCellsOffsetAndNoWhiteOrBlack) {
   EXPECT_NEAR(u.rms_normalized, 1.0, 0.05);
 }
 
-TEST(DecodePhase, LocalFitOfAGrayCodeKeepsItsPromise) {
+// Both ways to take the rounding out: better than the 0.289 px of a cell, and sigma says so.
+TEST(DecodePhase, RefinedGrayCodeKeepsItsPromise) {
   SyntheticScene scene;
+  scene.width = 120;
+  scene.height = 90;
   scene.read_noise_dn = 1.0;
-  const auto map = DecodePhase(Synthesize(MakeTestSequence(true, "", 4), scene), NoiseOf(scene));
-  ASSERT_TRUE(map.has_value()) << map.error().message;
-  const ErrorFigures u = Compare(map->u, map->sigma_u, scene.u);
-  EXPECT_LT(u.rms_px, 0.15);  // the cell alone has 0.289 px
-  EXPECT_GT(u.rms_normalized, 0.2);
-  EXPECT_LT(u.rms_normalized, 1.1);
+  for (const bool one_per_cell : {true, false}) {
+    PhaseConfig config = NoiseOf(scene);
+    config.gray_one_per_cell = one_per_cell;
+    const auto map = DecodePhase(Synthesize(MakeTestSequence(true, "", 4), scene), config);
+    ASSERT_TRUE(map.has_value()) << map.error().message;
+    for (const bool along_u : {true, false}) {
+      const ErrorFigures figures =
+          along_u ? Compare(map->u, map->sigma_u, scene.u) : Compare(map->v, map->sigma_v, scene.v);
+      EXPECT_LT(figures.rms_px, one_per_cell ? 0.2 : 0.1);
+      EXPECT_GT(figures.rms_normalized, one_per_cell ? 0.4 : 0.2);
+      EXPECT_LT(figures.rms_normalized, 1.1);
+      // 0.61 x 0.57 cells per pixel.
+      const int num_cells = static_cast<int>(0.61 * 0.57 * scene.width * scene.height);
+      EXPECT_GT(figures.num_valid,
+                one_per_cell ? num_cells * 9 / 10 : scene.width * scene.height - 1);
+    }
+    EXPECT_EQ(Count(*map, MaskReason::kMerged) > 0, one_per_cell);
+  }
 }
 
 TEST(DecodePhase, GrayCodeUnwrapsFringes) {

@@ -24,8 +24,9 @@ enum class MaskReason : std::uint8_t {
   kEpipolar = 9,     ///< both coordinates decoded, but they miss the epipolar line (triangulation)
   kOutOfRange = 10,  ///< no point within the range limits on the camera ray (triangulation)
   kIsolated = 11,    ///< part of a speck of a few pixels (triangulation)
+  kMerged = 12,      ///< counted in another pixel of the same projector cell (Gray code alone)
 };
-constexpr int kNumMaskReasons = 12;
+constexpr int kNumMaskReasons = 13;
 
 /// Lower-case words of a reason, e.g. "low modulation"; "unknown" outside the enumeration.
 [[nodiscard]] const char* MaskReasonName(MaskReason reason);
@@ -58,10 +59,12 @@ struct PhaseConfig {
   double max_harmonic_ratio = 0.3;      ///< tolerated rms of gamma harmonics in that residual, of B
   double max_order_error_ratio = 0.35;  ///< largest distance to the nearest fringe order [fringes]
   double min_bit_sigma = 4.0;           ///< a Gray bit closer to its threshold is doubtful [sigma]
-  int max_doubtful_bits = 2;      ///< finest Gray bits that may be unreadable (Gray code alone)
-  int gray_fit_radius_px = 2;     ///< half window of the local fit of a Gray code alone; 0: off
-  double max_edge_step_px = 8.0;  ///< largest jump of u or v between neighbours [projector px]
-  double min_mixed_ratio = 0.5;   ///< least B / A of a pixel, of the median of its 3 x 3 window
+  double min_fine_bit_sigma = 1.5;  ///< the same for the finest bits, which blur and cost little
+  int num_fine_bits = 2;            ///< bits that count as fine, and may be unreadable
+  bool gray_one_per_cell = true;    ///< Gray code alone on both axes: one pixel per projector cell
+  int gray_fit_radius_px = 2;       ///< Gray code alone, else: half window of local fit; 0: off
+  double max_edge_step_px = 8.0;    ///< largest jump of u or v between neighbours [projector px]
+  double min_mixed_ratio = 0.5;     ///< least B / A of a pixel, of the median of its 3 x 3 window
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
@@ -74,7 +77,9 @@ struct PhaseConfig {
     field("max_harmonic_ratio", max_harmonic_ratio, 0.0, 10.0);
     field("max_order_error_ratio", max_order_error_ratio, 0.0, 0.5);
     field("min_bit_sigma", min_bit_sigma, 0.0, 1000.0);
-    field("max_doubtful_bits", max_doubtful_bits, 0, 20);
+    field("min_fine_bit_sigma", min_fine_bit_sigma, 0.0, 1000.0);
+    field("num_fine_bits", num_fine_bits, 0, 20);
+    field("gray_one_per_cell", gray_one_per_cell);
     field("gray_fit_radius_px", gray_fit_radius_px, 0, 10);
     field("max_edge_step_px", max_edge_step_px, 0.1, 10000.0);
     field("min_mixed_ratio", min_mixed_ratio, 0.0, 1.0);
