@@ -47,36 +47,33 @@ Vector6d Row(const Eigen::Vector3d& arm, const Eigen::Vector3d& normal, double r
 void DropEmptyDirections(PairInformation& pair, const Matrix6d& noise) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(pair.hessian);
   const Vector6d values = eigen.eigenvalues();
-  int first = 0;
-  while (first < 6 && !(values[first] > kMinRelativeEigenvalue * values[5])) ++first;
-  const int kept = 6 - first;
-  if (kept == 0 || !(values[5] > 0.0)) {
-    pair.hessian.setZero();
-    pair.gradient.setZero();
-    pair.information.setZero();
-    return;
+  Vector6d root = Vector6d::Zero();
+  Vector6d inverse_root = Vector6d::Zero();
+  for (int i = 0; i < 6; ++i) {
+    if (!(values[i] > kMinRelativeEigenvalue * values[5])) continue;
+    root[i] = std::sqrt(values[i]);
+    inverse_root[i] = 1.0 / root[i];
   }
-  // In the whitened coordinates the Hessian is the identity and the noise has eigenvalues 0..1.
-  const Vector6d root = values.cwiseMax(0.0).cwiseSqrt();
-  const Eigen::MatrixXd U = eigen.eigenvectors().rightCols(kept);
-  const Eigen::MatrixXd whiten = U * root.tail(kept).cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd color = U * root.tail(kept).asDiagonal();
-  const Eigen::MatrixXd white_noise = whiten.transpose() * noise * whiten;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> split(white_noise);
-  Eigen::VectorXd keep = Eigen::VectorXd::Zero(kept);
-  Eigen::VectorXd true_share = Eigen::VectorXd::Zero(kept);
-  for (int i = 0; i < kept; ++i) {
+  // In the whitened coordinates the Hessian is the identity and the noise has eigenvalues 0..1;
+  // directions already dropped have zero columns in both maps and stay out.
+  const Matrix6d whiten = eigen.eigenvectors() * inverse_root.asDiagonal();
+  const Matrix6d color = eigen.eigenvectors() * root.asDiagonal();
+  const Matrix6d white_noise = whiten.transpose() * noise * whiten;
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> split(white_noise);
+  Vector6d keep = Vector6d::Zero();
+  Vector6d true_share = Vector6d::Zero();
+  for (int i = 0; i < 6; ++i) {
     const double share = 1.0 - split.eigenvalues()[i];
     if (!(share >= kMinTrueInformation)) continue;
     keep[i] = 1.0;
     true_share[i] = share;
   }
-  const Eigen::MatrixXd basis = color * split.eigenvectors();
-  const Eigen::MatrixXd dual = whiten * split.eigenvectors();
+  const Matrix6d basis = color * split.eigenvectors();
+  const Matrix6d dual = whiten * split.eigenvectors();
+  const Vector6d kept_gradient = keep.cwiseProduct(dual.transpose() * pair.gradient);
+  pair.gradient = basis * kept_gradient;
   pair.hessian = basis * keep.asDiagonal() * basis.transpose();
   pair.information = basis * true_share.asDiagonal() * basis.transpose();
-  const Vector6d gradient = basis * keep.asDiagonal() * (dual.transpose() * pair.gradient);
-  pair.gradient = gradient;
 }
 
 // Inverse right Jacobian of SE(3): Log(Exp(e) Exp(xi)) = e + J xi, to second order in e.
