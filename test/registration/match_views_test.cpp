@@ -77,8 +77,7 @@ TEST(MatchViews, BordersAreNoPartners) {
   ASSERT_GT(pair.from_first.size(), 300U);
   for (const Match& match : pair.from_first) {
     EXPECT_FALSE(set->surfaces[1].points()[static_cast<std::size_t>(match.target)].border);
-    const SurfacePoint& source =
-        set->surfaces[0].points()[static_cast<std::size_t>(match.source)];
+    const SurfacePoint& source = set->surfaces[0].points()[static_cast<std::size_t>(match.source)];
     EXPECT_LT(source.point.x() + 0.015F, 0.0146F);  // beyond the last inner column: nothing
   }
 }
@@ -125,8 +124,7 @@ TEST(ComputeMatch, MeanNormalIsExactOnACircularArc) {
   const auto truth = testing::MakeBumpyGraph(scene);
   const auto set = MakeSurfaces(truth.graph.views, PixelSet::kRegistration, 10000);
   ASSERT_TRUE(set);
-  const MatchSet matches =
-      MatchViews(*set, truth.T_object_camera_true, AllPairs(8), Limits());
+  const MatchSet matches = MatchViews(*set, truth.T_object_camera_true, AllPairs(8), Limits());
   EXPECT_GT(matches.pairs.front().from_first.size(), 300U);
   EXPECT_LT(matches.rms_m, 2e-8);  // float points at 0.4 m
 }

@@ -101,8 +101,7 @@ TEST(SolvePoses, WithoutPartnersPriorsPullBackAndHeldViewsStay) {
 }
 
 TEST(SolvePoses, FailsWhenEveryPoseIsHeld) {
-  const auto set =
-      MakeSurfaces({testing::MakePlaneView({}, 0)}, PixelSet::kRegistration, 1000);
+  const auto set = MakeSurfaces({testing::MakePlaneView({}, 0)}, PixelSet::kRegistration, 1000);
   std::vector<PoseConstraint> constraints(1);
   constraints[0].held = true;
   const auto step = SolvePoses({}, constraints, {Transform::Identity()}, *set, 1.0);

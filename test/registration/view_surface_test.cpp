@@ -64,7 +64,8 @@ TEST(ViewSurface, NearestAgreesWithExhaustiveSearch) {
   int found = 0;
   for (std::size_t i = 0; i < surface->points().size(); i += 37) {
     const Eigen::Vector3f query =
-        surface->points()[i].point + Eigen::Vector3f(5e-4F, -8e-4F, 0.1F * kRadius * (i % 20));
+        surface->points()[i].point +
+        Eigen::Vector3f(5e-4F, -8e-4F, 0.1F * kRadius * static_cast<float>(i % 20));
     int best = -1;
     float best_distance = kRadius;
     for (std::size_t k = 0; k < surface->points().size(); ++k) {
