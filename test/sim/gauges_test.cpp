@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <stdexcept>
 
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "test/sim/topology.hpp"
