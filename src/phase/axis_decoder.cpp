@@ -71,7 +71,7 @@ AxisPixel AxisDecoder::DecodeGray(std::size_t x) const {
   AxisPixel pixel;
   pixel.offset_dn = gray_->offset_dn(x);
   pixel.modulation_dn = gray_->modulation_dn(x);
-  const GrayInterval interval = gray_->Interval(x);
+  const GrayInterval interval = gray_->Cell(x);
   if (!std::isfinite(interval.centre_px)) return Invalid(pixel, MaskReason::kDoubtfulOrder);
   if (!(interval.centre_px >= -0.5 && interval.centre_px <= plan_.size_px - 0.5)) {
     return Invalid(pixel, MaskReason::kOutsideProjector);

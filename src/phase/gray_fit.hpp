@@ -24,9 +24,12 @@ class GrayFit {
 
   void Run(const FrameRows& rows);
 
-  /// Cell of the pixel, or NaN when more than config.num_fine_bits finest bits are doubtful or the
-  /// others contradict.
+  /// For unwrapping fringes: every bit below config.min_bit_sigma is doubtful.
   [[nodiscard]] GrayInterval Interval(std::size_t x) const;
+  /// For a Gray code alone. A misread bit between two neighbouring cells, or one of the
+  /// config.num_fine_bits finest, costs few cells: config.min_fine_bit_sigma is enough for them.
+  /// NaN also when more than config.num_fine_bits finest bits are doubtful.
+  [[nodiscard]] GrayInterval Cell(std::size_t x) const;
   /// Half the mean difference of lit and unlit over the bits [DN].
   [[nodiscard]] float modulation_dn(std::size_t x) const { return modulation_[x]; }
   /// Mean grey value between lit and unlit [DN].
@@ -34,14 +37,17 @@ class GrayFit {
   [[nodiscard]] int num_bits() const { return static_cast<int>(code_.bits.size()); }
 
  private:
-  [[nodiscard]] float LimitOf(std::uint32_t flag) const;
+  [[nodiscard]] GrayInterval Resolve(std::uint32_t word, std::uint32_t doubtful,
+                                     int max_skipped) const;
+  [[nodiscard]] bool MisreadingIsCostly(std::uint32_t word, std::uint32_t bit) const;
   void ReadPair(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
   void ReadSingle(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
 
   GrayCode code_;
   PhaseConfig config_;
   std::vector<std::uint32_t> word_;
-  std::vector<std::uint32_t> doubtful_;
+  std::vector<std::uint32_t> weak_;      ///< bits below min_bit_sigma
+  std::vector<std::uint32_t> doubtful_;  ///< bits below min_fine_bit_sigma
   std::vector<float> modulation_;
   std::vector<float> offset_;
 };

@@ -15,6 +15,7 @@ using triangulation::DepthStep;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr int kRowsPerChunk = 16;
+constexpr int kMaxGrowth = 4;  // of the window of a sparse cloud
 
 /// Coordinates about one pixel in which a plane is linear: height = a p + b q + c.
 /// Camera: p, q = X / Z, Y / Z and height = 1 / Z in a frame whose z axis is the pixel's own ray.
@@ -79,7 +80,9 @@ class NormalFit {
     Sums sums = SumWindow(chart, x, y, radius_);
     // A sparse cloud (one point per projector cell) has few points in a window that is wide enough
     // for a dense one. The border of a dense one is thin for another reason and stays so.
-    if (sums.num_valid < 2 * min_neighbors_) sums = SumWindow(chart, x, y, 2 * radius_);
+    for (int growth = 2; growth <= kMaxGrowth && sums.num_valid < 2 * min_neighbors_; growth *= 2) {
+      sums = SumWindow(chart, x, y, growth * radius_);
+    }
     if (sums.num_connected - 1 < min_neighbors_) return nothing;
     const Eigen::Vector3f plane = Solve(sums);
     const Eigen::Vector3f normal = chart.Normal(plane);

@@ -45,13 +45,13 @@ class SurfaceSets {
   SurfaceSets(const RangeImage& range, const TriangulationConfig& config)
       : range_(range),
         step_(range, config),
-        radius_(config.normal_radius_px),
+        radius_(2 * config.normal_radius_px),
         sets_(range.points.size()) {}
 
   [[nodiscard]] std::uint32_t Find(std::uint32_t i) { return sets_.Find(i); }
 
   /// Joins a pixel with its left and upper neighbour. A sparse cloud (one point per projector cell)
-  /// has none there: then with any earlier point of the window of the normal fit.
+  /// has none there: then with any earlier point of a window as the normal fit takes for those.
   void JoinEarlier(int x, int y) {
     if (!IsValid(range_, x, y)) return;
     const Eigen::Vector3f to_camera = DirectionToCamera(range_.line_of_sight, range_.points(x, y));

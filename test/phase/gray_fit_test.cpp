@@ -43,7 +43,7 @@ std::vector<GrayInterval> Read(const ImageStack& stack, const PhaseConfig& confi
   GrayFit fit(*plan.u.gray, config, 32);
   fit.Run(rows);
   std::vector<GrayInterval> intervals;
-  for (std::size_t x = 0; x < 32; ++x) intervals.push_back(fit.Interval(x));
+  for (std::size_t x = 0; x < 32; ++x) intervals.push_back(fit.Cell(x));
   return intervals;
 }
 
@@ -92,8 +92,8 @@ TEST(GrayFit, DoubtfulFinestBitsLeaveACoarserCell) {
   EXPECT_TRUE(std::isnan(Read(OneRow(true, blurred(3)), config)[13].centre_px));
 }
 
-// 3 sigma apart: enough for a fine bit, not for a coarse one.
-TEST(GrayFit, CoarseBitsNeedMore) {
+// 3 sigma apart: enough where a misreading costs few cells, not for a gross error.
+TEST(GrayFit, CostlyBitsNeedMore) {
   PhaseConfig config;
   config.read_noise_dn = 5.0;
   config.gain_dn = 0.0;
@@ -103,6 +103,22 @@ TEST(GrayFit, CoarseBitsNeedMore) {
   };
   EXPECT_DOUBLE_EQ(Read(OneRow(true, weak(0)), config)[13].centre_px, 13.0);
   EXPECT_TRUE(std::isnan(Read(OneRow(true, weak(4)), config)[13].centre_px));
+  EXPECT_DOUBLE_EQ(Read(OneRow(true, weak(4)), config)[16].centre_px, 16.0);  // beside cell 15
+}
+
+// Fringes are unwrapped by certain bits only: a weak one means the border of the cells.
+TEST(GrayFit, UnwrappingTrustsNoWeakBit) {
+  PhaseConfig config;
+  config.read_noise_dn = 5.0;
+  const ImageStack stack =
+      OneRow(true, [](int bit, int x) { return bit == 3 && x == 8 ? 0.2 : 1.0; });
+  const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
+  FrameRows rows(stack, plan);
+  rows.Load(0);
+  GrayFit fit(*plan.u.gray, config, 32);
+  fit.Run(rows);
+  EXPECT_DOUBLE_EQ(fit.Cell(8).centre_px, 8.0);
+  EXPECT_DOUBLE_EQ(fit.Interval(8).centre_px, 7.5);
 }
 
 }  // namespace

@@ -59,12 +59,12 @@ struct PhaseConfig {
   double max_harmonic_ratio = 0.3;      ///< tolerated rms of gamma harmonics in that residual, of B
   double max_order_error_ratio = 0.35;  ///< largest distance to the nearest fringe order [fringes]
   double min_bit_sigma = 4.0;           ///< a Gray bit closer to its threshold is doubtful [sigma]
-  double min_fine_bit_sigma = 1.5;  ///< the same for the finest bits, which blur and cost little
-  int num_fine_bits = 2;            ///< bits that count as fine, and may be unreadable
-  bool gray_one_per_cell = true;    ///< Gray code alone on both axes: one pixel per projector cell
-  int gray_fit_radius_px = 2;       ///< Gray code alone, else: half window of local fit; 0: off
-  double max_edge_step_px = 8.0;    ///< largest jump of u or v between neighbours [projector px]
-  double min_mixed_ratio = 0.5;     ///< least B / A of a pixel, of the median of its 3 x 3 window
+  double min_fine_bit_sigma = 1.5;      ///< the same where a misreading costs few cells
+  int num_fine_bits = 2;                ///< finest bits that may be unreadable (Gray code alone)
+  bool gray_one_per_cell = true;  ///< Gray code alone on both axes: one pixel per projector cell
+  int gray_fit_radius_px = 2;     ///< Gray code alone, else: half window of local fit; 0: off
+  double max_edge_step_px = 8.0;  ///< largest jump of u or v between neighbours [projector px]
+  double min_mixed_ratio = 0.5;   ///< least B / A of a pixel, of the median of its 3 x 3 window
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
