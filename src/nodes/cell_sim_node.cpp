@@ -53,6 +53,9 @@ Result<std::unique_ptr<CellSimNode>> CellSimNode::Create(const ros::NodeHandle& 
   Result<sim::SimCell> cell = sim::SimCell::Create(*physics, *calibration, *object, plate);
   if (!cell) return Forward(cell);
   std::unique_ptr<CellSimNode> node(new CellSimNode(nh, private_nh, *config, std::move(*cell)));
+  if (Status status = node->StartTruthFolder(*object); !status) {
+    return tl::unexpected<Error>(status.error());
+  }
   if (Status status = node->StartGige(*gige); !status) {
     return tl::unexpected<Error>(status.error());
   }
@@ -74,6 +77,14 @@ CellSimNode::CellSimNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   joint_states_ = handle.subscribe("joint_states", 10, &CellSimNode::OnJointState, this);
   project_ = private_handle.advertiseService("project", &CellSimNode::OnProject, this);
   expose_ = private_handle.advertiseService("expose", &CellSimNode::OnExpose, this);
+}
+
+Status CellSimNode::StartTruthFolder(const Mesh& object) {
+  if (config_.truth_folder.empty()) return {};
+  Result<TruthFolder> folder = TruthFolder::Create(config_.truth_folder, object);
+  if (!folder) return tl::unexpected<Error>(folder.error());
+  truth_folder_ = std::move(*folder);
+  return {};
 }
 
 Status CellSimNode::StartGige(const GigeServerConfig& config) {
@@ -181,6 +192,10 @@ void CellSimNode::PublishTruth(const ros::Time& stamp) {
   points.header.stamp = stamp;
   points.header.frame_id = config_.camera_frame;
   truth_points_.publish(points);
+  if (!truth_folder_) return;
+  if (const Status status = truth_folder_->AddStop(truth.face_visible); !status) {
+    ROS_ERROR("truth was not written: %s", status.error().message.c_str());
+  }
 }
 
 }  // namespace fringe_fusion::nodes

@@ -15,6 +15,7 @@
 #include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/sim/sim_cell.hpp"
 #include "nodes/backends/gige_server.hpp"
+#include "nodes/truth_folder.hpp"
 
 namespace fringe_fusion::nodes {
 
@@ -25,6 +26,7 @@ struct CellSimNodeConfig {
   double plate_thickness_m = 0.01;
   std::string object_frame = "object";
   std::string camera_frame = "camera_optical_frame";
+  std::string truth_folder;   ///< the true surface is written there; empty: off
   double tf_timeout_s = 2.0;  ///< wait for tf to reach the last joint state
 
   template <typename Visitor>
@@ -35,6 +37,7 @@ struct CellSimNodeConfig {
     field("plate_thickness_m", plate_thickness_m, 1e-6, 10.0);
     field("object_frame", object_frame);
     field("camera_frame", camera_frame);
+    field("truth_folder", truth_folder);
     field("tf_timeout_s", tf_timeout_s, 0.0, 60.0);
   }
 };
@@ -51,6 +54,7 @@ class CellSimNode {
  private:
   CellSimNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
               CellSimNodeConfig config, sim::SimCell cell);
+  [[nodiscard]] Status StartTruthFolder(const Mesh& object);
   [[nodiscard]] Status StartGige(const GigeServerConfig& config);
 
   bool OnProject(SimProject::Request& request, SimProject::Response& response);
@@ -74,6 +78,7 @@ class CellSimNode {
   std::optional<Transform> T_object_camera_;  // Commanded, of the rays that are cast.
   int pose_index_ = 0;
   int frame_index_ = 0;
+  std::optional<TruthFolder> truth_folder_;
 
   tf2_ros::Buffer tf_buffer_;
   tf2_ros::TransformListener tf_listener_;

@@ -128,9 +128,10 @@ TEST_F(AravisCameraTest, GivesTheFrameOfEveryTriggerWithTrueStamps) {
   }
   EXPECT_EQ(scene_.num_exposed(), 200);
   EXPECT_DOUBLE_EQ(scene_.last_exposure_s(), kExposureS);
-  // The trigger is polled every 5 ms, so the first stamps may be wrong by half of that and more.
-  std::nth_element(errors_s.begin() + 50, errors_s.begin() + 125, errors_s.end());
-  EXPECT_LT(errors_s[125], 0.005);
+  // Server and camera share a clock, so every stamp can be checked; what is left of the first
+  // frames' uncertainty and of a busy machine stays below the time from frame to frame.
+  std::nth_element(errors_s.begin(), errors_s.begin() + 100, errors_s.end());
+  EXPECT_LT(errors_s[100], 0.003);
 }
 
 TEST_F(AravisCameraTest, TriggersAgainWhenPacketsAreLost) {
@@ -174,7 +175,7 @@ TEST_F(AravisCameraTest, NamesADeviceThatStopsAnswering) {
   const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - begin;
   ASSERT_FALSE(dead);
   EXPECT_NE(dead.error().message.find("FFTEST1"), std::string::npos) << dead.error().message;
-  EXPECT_LT(duration.count(), 10.0);
+  EXPECT_LT(duration.count(), 8.0);
 }
 
 TEST_F(AravisCameraTest, RefusesAnExposureThatTheDeviceDoesNotKnow) {

@@ -5,9 +5,13 @@
 #include <filesystem>
 #include <limits>
 
+#include "fringe_fusion/io/file.hpp"
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/sim/gauges.hpp"
 #include "fringe_fusion/sim/sim_cell.hpp"
 #include "nodes/backends/replay_camera.hpp"
 #include "nodes/backends/sim_motion.hpp"
+#include "nodes/truth_folder.hpp"
 
 namespace fringe_fusion::nodes {
 namespace {
@@ -80,6 +84,24 @@ TEST_F(SimMotionTest, RefusesWhatItCannotDo) {
   EXPECT_NE(refused.error().message.find("still moving"), std::string::npos);
 }
 
+TEST(TruthFolder, MarksWhatAnyStopSaw) {
+  const std::string path = (std::filesystem::temp_directory_path() /
+                            ("fringe_fusion_truth_" + std::to_string(::getpid())))
+                               .string();
+  const Mesh object = sim::MakePlane(0.1, 1);
+  ASSERT_EQ(object.faces.size(), 2U);
+  Result<TruthFolder> folder = TruthFolder::Create(path, object);
+  ASSERT_TRUE(folder) << folder.error().message;
+  EXPECT_EQ(ReadMesh(path + "/object.ply").value().faces.size(), 2U);
+  EXPECT_EQ(ReadFile(path + "/face_visible.txt").value(), "0\n0\n");
+  ASSERT_TRUE(folder->AddStop({0, 1}));
+  ASSERT_TRUE(folder->AddStop({0, 0}));
+  EXPECT_EQ(ReadFile(path + "/face_visible.txt").value(), "0\n1\n");
+  EXPECT_FALSE(folder->AddStop({1, 1, 1}));
+  std::filesystem::remove_all(path);
+  EXPECT_FALSE(TruthFolder::Create("/proc/none", object));
+}
+
 class ReplayCameraTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -141,7 +163,8 @@ TEST_F(ReplayCameraTest, StampsByTheClockWhenAsked) {
 }
 
 TEST(CellYaml, HoldsTheSimulatedDevices) {
-  const auto calibration = ReadCellCalibration(std::string(SOURCE_DIR) + "/config/cell.yaml");
+  const auto calibration =
+      ReadCellCalibration(std::string(SOURCE_DIR) + "/config/cell_sim/cell.yaml");
   ASSERT_TRUE(calibration) << calibration.error().message;
   EXPECT_EQ(CalibrationId(*calibration), CalibrationId(sim::DefaultCalibration()));
 }

@@ -15,7 +15,11 @@
 #include <tf2_ros/static_transform_broadcaster.h>
 
 #include <atomic>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
 
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
@@ -36,7 +40,7 @@ Transform CameraAtZero() {
 }
 
 CellCalibration Calibration() {
-  return ReadCellCalibration(std::string(SOURCE_DIR) + "/config/cell.yaml").value();
+  return ReadCellCalibration(std::string(SOURCE_DIR) + "/config/cell_sim/cell.yaml").value();
 }
 
 template <typename Service>
@@ -96,6 +100,36 @@ std::vector<std::uint8_t> Rendered(double joint_rad, const Pattern& pattern) {
   const auto& image = std::get<Image<std::uint8_t>>(frame.value().pixels);
   return {image.begin(), image.end()};
 }
+
+// Keeps the last picture of image_raw; pictures without a listener are not sent.
+class PictureListener {
+ public:
+  explicit PictureListener(ros::NodeHandle& nh)
+      : subscriber_(nh.subscribe("image_raw", 10, &PictureListener::OnPicture, this)) {
+    const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(10.0);
+    while (subscriber_.getNumPublishers() == 0 && ros::WallTime::now() < deadline) {
+      ros::WallDuration(0.01).sleep();
+    }
+  }
+
+  sensor_msgs::ImageConstPtr Wait(const ros::Time& stamp) {
+    std::unique_lock<std::mutex> lock(mutex_);
+    const auto has_come = [&] { return picture_ && picture_->header.stamp == stamp; };
+    return come_.wait_for(lock, std::chrono::seconds(10), has_come) ? picture_ : nullptr;
+  }
+
+ private:
+  void OnPicture(const sensor_msgs::ImageConstPtr& picture) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    picture_ = picture;
+    come_.notify_all();
+  }
+
+  std::mutex mutex_;
+  std::condition_variable come_;
+  sensor_msgs::ImageConstPtr picture_;
+  ros::Subscriber subscriber_;
+};
 
 void MoveTo(double joint_rad) {
   MoveClient client("move_to_view", true);
@@ -169,6 +203,7 @@ TEST(ProjectorNode, SendsThePictureUnchanged) {
 
 TEST(CameraNode, CapturesWhatTheProjectorLights) {
   ros::NodeHandle nh;
+  PictureListener pictures(nh);
   const PatternSequence sequence = Sequence(1280, 800);
   ASSERT_NO_FATAL_FAILURE(MoveTo(0.0));
   ASSERT_NO_FATAL_FAILURE(Load("projector_node", sequence));
@@ -184,8 +219,7 @@ TEST(CameraNode, CapturesWhatTheProjectorLights) {
     EXPECT_EQ(captured.exposure, 0.02);
     EXPECT_LT(ShareOfDifferingBytes(captured.image.data, Rendered(0.0, sequence.frames[index])),
               1e-3);
-    const auto published =
-        ros::topic::waitForMessage<sensor_msgs::Image>("image_raw", nh, kPatience);
+    const sensor_msgs::ImageConstPtr published = pictures.Wait(captured.image.header.stamp);
     ASSERT_TRUE(published);
     EXPECT_EQ(published->data, captured.image.data);
     const auto info =
@@ -237,6 +271,25 @@ TEST(CameraNode, GivesTheSamePicturesOverGigeVision) {
   }
 }
 
+// A camera whose pictures have a width of choice and come as late as told.
+struct FakeDevice {
+  bool Expose(const SimExpose::Request& request, SimExpose::Response& response) {
+    exposure_s = request.exposure;
+    ros::WallDuration(answer_after_s.load()).sleep();
+    CapturedFrame frame;
+    frame.pixels = Image<std::uint8_t>(width, 600, 77);
+    frame.stamp_ns = ros_io::FromRosTime(ros::Time::now());
+    response.image = ros_io::ToMessage(frame, "");
+    response.bit_depth = 8;
+    response.success = 1;
+    return true;
+  }
+
+  std::atomic<double> answer_after_s{0.0};
+  std::atomic<int> width{800};
+  std::atomic<double> exposure_s{0.0};
+};
+
 TEST(CameraNode, SaysWhatIsWrongWithItsDeviceAndRecovers) {
   const ros::WallTime begin = ros::WallTime::now();
   const auto missing = CaptureBy("fake/camera_node", 0.5);
@@ -247,39 +300,30 @@ TEST(CameraNode, SaysWhatIsWrongWithItsDeviceAndRecovers) {
   EXPECT_LT((ros::WallTime::now() - begin).toSec(), 5.0);
 
   ros::NodeHandle nh;
-  std::atomic<double> answer_after_s{0.0};
-  std::atomic<int> width{800};
-  std::atomic<double> exposure_s{0.0};
+  // Shared: a late answer may outlive this test.
+  const auto device = std::make_shared<FakeDevice>();
   boost::function<bool(SimExpose::Request&, SimExpose::Response&)> handler =
-      [&](SimExpose::Request& request, SimExpose::Response& response) {
-        exposure_s = request.exposure;
-        ros::WallDuration(answer_after_s.load()).sleep();
-        CapturedFrame frame;
-        frame.pixels = Image<std::uint8_t>(width, 600, 77);
-        frame.stamp_ns = ros_io::FromRosTime(ros::Time::now());
-        response.image = ros_io::ToMessage(frame, "");
-        response.bit_depth = 8;
-        response.success = 1;
-        return true;
+      [device](SimExpose::Request& request, SimExpose::Response& response) {
+        return device->Expose(request, response);
       };
   const ros::ServiceServer server = nh.advertiseService("fake/device/expose", handler);
   EXPECT_TRUE(CaptureBy("fake/camera_node", 5.0).success);
 
-  width = 640;
+  device->width = 640;
   const auto other_size = CaptureBy("fake/camera_node", 5.0);
   EXPECT_FALSE(other_size.success);
   EXPECT_NE(other_size.message.find("640 x 600 px"), std::string::npos) << other_size.message;
-  width = 800;
+  device->width = 800;
 
-  answer_after_s = 3.0;
+  device->answer_after_s = 3.0;
   const ros::WallTime call = ros::WallTime::now();
   const auto late = CaptureBy("fake/camera_node", 0.5);
   EXPECT_FALSE(late.success);
   EXPECT_NE(late.message.find("did not answer within 0.5 s"), std::string::npos) << late.message;
   EXPECT_LT((ros::WallTime::now() - call).toSec(), 2.5);
-  answer_after_s = 0.0;
+  device->answer_after_s = 0.0;
   EXPECT_TRUE(CaptureBy("fake/camera_node", 10.0).success);
-  EXPECT_EQ(exposure_s, 0.02);
+  EXPECT_EQ(device->exposure_s, 0.02);
 
   dynamic_reconfigure::Reconfigure::Request settings;
   settings.config.doubles.resize(1);
@@ -287,7 +331,7 @@ TEST(CameraNode, SaysWhatIsWrongWithItsDeviceAndRecovers) {
   settings.config.doubles[0].value = 0.007;
   Call<dynamic_reconfigure::Reconfigure>("fake/camera_node/set_parameters", settings);
   EXPECT_TRUE(CaptureBy("fake/camera_node", 10.0).success);
-  EXPECT_EQ(exposure_s, 0.007);
+  EXPECT_EQ(device->exposure_s, 0.007);
 }
 
 TEST(MotionNode, StopsWhenCancelled) {

@@ -46,11 +46,21 @@ Status AravisCamera::Connect() {
 Status AravisCamera::ApplySettings() {
   if (!settings_changed_) return {};
   if (Status status = connection_->Set(exposure_s_, gain_); !status) {
-    connection_.reset();
+    Drop();
     return status;
   }
   settings_changed_ = false;
   return {};
+}
+
+void AravisCamera::Drop() {
+  const auto is_closed = [](const std::future<void>& closing) {
+    return closing.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  };
+  closing_.erase(std::remove_if(closing_.begin(), closing_.end(), is_closed), closing_.end());
+  // Each register write to a device that is gone runs into its own time limit.
+  closing_.push_back(std::async(
+      std::launch::async, [connection = std::move(connection_)]() mutable { connection.reset(); }));
 }
 
 Result<CapturedFrame> AravisCamera::Capture(double timeout_s) {
@@ -77,7 +87,7 @@ Result<CapturedFrame> AravisCamera::Capture(double timeout_s) {
   }
   const std::string id = Id();
   // A device that still sends something is kept; a silent one is looked for again next time.
-  if (num_incomplete == 0) connection_.reset();
+  if (num_incomplete == 0) Drop();
   return Fail("{}: no complete frame after {} software triggers within {} s ({} incomplete): {}",
               id, num_triggers, timeout_s, num_incomplete, words);
 }

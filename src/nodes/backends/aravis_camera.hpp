@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "fringe_fusion/capture/devices.hpp"
 
@@ -53,6 +55,8 @@ class AravisCamera : public Camera {
 
   [[nodiscard]] Status Connect();
   [[nodiscard]] Status ApplySettings();
+  /// Lets go of the connection without waiting for it to close.
+  void Drop();
 
   AravisCameraConfig config_;
   int width_;
@@ -61,6 +65,7 @@ class AravisCamera : public Camera {
   double gain_ = 0.0;
   bool settings_changed_ = true;
   std::unique_ptr<Connection> connection_;
+  std::vector<std::future<void>> closing_;
 };
 
 }  // namespace fringe_fusion::nodes

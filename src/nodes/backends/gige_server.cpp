@@ -42,12 +42,10 @@ struct GigeServer::Impl {
       return Fail("region of {} x {} px, must be that of the picture, {} x {}", width, height,
                   pixels->width(), pixels->height());
     }
-    std::size_t size_bytes = 0;
-    // Aravis hands out a const pointer to the buffer that this callback is there to fill.
-    void* data = const_cast<void*>(arv_buffer_get_data(buffer, &size_bytes));
-    if (size_bytes < pixels->size()) {
-      return Fail("buffer of {} bytes, must be at least {}", size_bytes, pixels->size());
-    }
+    // Aravis hands out a const pointer to the buffer that this callback is there to fill. It holds
+    // the region; the size that Aravis tells is of what was received, here still nothing.
+    std::size_t received_bytes = 0;
+    void* data = const_cast<void*>(arv_buffer_get_data(buffer, &received_bytes));
     std::memcpy(data, pixels->data(), pixels->size());
     return {};
   }
@@ -72,10 +70,9 @@ Result<std::unique_ptr<GigeServer>> GigeServer::Start(const GigeServerConfig& co
   }
   ArvFakeCamera* fake = arv_gv_fake_camera_get_fake_camera(camera);
   arv_fake_camera_set_fill_pattern(fake, &Impl::Fill, server->impl_.get());
-  // A trigger is answered at the next beat of the frame period: keep that short.
-  constexpr guint32 kPeriodUs = 5000;
-  arv_fake_camera_write_register(fake, ARV_FAKE_CAMERA_REGISTER_ACQUISITION_FRAME_PERIOD_US,
-                                 kPeriodUs);
+  // Aravis looks for a trigger this often only, so it bounds the delay of a frame.
+  constexpr double kTriggerPollHz = 250.0;
+  arv_fake_camera_set_trigger_frequency(fake, kTriggerPollHz);
   return server;
 }
 
