@@ -29,7 +29,8 @@ std::string Replay(const std::string& mesh_path) {
         ros_io::CallService<std_srvs::Trigger>(nh, service, std_srvs::Trigger::Request(), 10.0);
     if (!reset) return reset.error().message;
   }
-  test::Process player({"rosbag", "play", "-q", "--wait-for-subscribers", "--rate=3", kBag});
+  test::Process player(
+      {"rosrun", "rosbag", "play", "-q", "--wait-for-subscribers", "--rate=3", kBag});
   OptimizeViews::Request optimize;
   optimize.num_views = kNumViews;
   optimize.timeout = ros::Duration(40.0);

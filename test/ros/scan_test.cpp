@@ -25,8 +25,8 @@ class Scan : public testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<test_support::TempFolder>();
-    test::Process recorder({"rosbag", "record", "-q", "-O", *folder_ / "scan.bag", "/frames", "/tf",
-                            "/tf_static", "/camera_info", "/projector_info"});
+    test::Process recorder({"rosrun", "rosbag", "record", "-q", "-O", *folder_ / "scan.bag",
+                            "/frames", "/tf", "/tf_static", "/camera_info", "/projector_info"});
     ASSERT_TRUE(test::WaitFor(
         [] {
           for (const std::string& node : test::Subscribers()["/frames"]) {
@@ -83,8 +83,8 @@ TEST_F(Scan, LeavesPosesAndFigures) {
 }
 
 TEST_F(Scan, ReplayOfTheBagGivesTheSameBytes) {
-  test::Process player({"rosbag", "play", "-q", "--prefix=/replay", "--wait-for-subscribers",
-                        "--rate=2", *folder_ / "scan.bag"});
+  test::Process player({"rosrun", "rosbag", "play", "-q", "--prefix=/replay",
+                        "--wait-for-subscribers", "--rate=2", *folder_ / "scan.bag"});
   const ros::NodeHandle nh("/replay");
   OptimizeViews::Request optimize;
   optimize.num_views = kNumViews;
