@@ -137,7 +137,7 @@ Result<CellNode::Run> CellNode::Scan(const ScanObjectGoal& goal) {
   }
   run->figures.rms_before_m = registered.rms_before;
   run->figures.rms_after_m = registered.rms_after;
-  Feedback(*run, "writing the figures", 0.99);
+  Feedback(*run, "writing the report", 0.99);
   if (Status status = WriteOutput(*run, registered.poses); !status) return failed(status);
   return run;
 }
@@ -413,7 +413,10 @@ Status CellNode::WriteOutput(Run& run, const ViewPoses& poses) {
   }
   for (const auto& entry : views) run.figures.views.push_back(entry.second);
   run.figures.seconds.assign(run.seconds.begin(), run.seconds.end());
-  return WriteFigures(run.figures, run.folder + "/figures.json");
+  if (Status status = WriteFigures(run.figures, run.folder + "/figures.json"); !status) {
+    return status;
+  }
+  return WriteScanReport(run.figures, run.folder);
 }
 
 Result<std::map<int, Transform>> CellNode::PriorPoses(const Run& run) const {

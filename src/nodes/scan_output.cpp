@@ -2,8 +2,12 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include "fringe_fusion/inspection/picture.hpp"
+#include "fringe_fusion/inspection/report.hpp"
 #include "fringe_fusion/io/config_yaml.hpp"
 #include "fringe_fusion/io/file.hpp"
+#include "fringe_fusion/io/image_io.hpp"
+#include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
 
@@ -38,6 +42,8 @@ std::string Quoted(const std::string& text) {
   }
   return quoted + '"';
 }
+
+std::string Millimetres(double metres) { return fmt::format("{:.4f}", 1e3 * metres); }
 
 }  // namespace
 
@@ -108,6 +114,43 @@ Status WriteFigures(const ScanFigures& figures, const std::string& path) {
   }
   text += "}\n}\n";
   return WriteText(text, path);
+}
+
+Status WriteScanReport(const ScanFigures& figures, const std::string& folder) {
+  const Result<Mesh> mesh = ReadMesh(folder + "/mesh.ply");
+  if (!mesh) return tl::unexpected<Error>(mesh.error());
+  const Result<Image<Rgb8>> picture =
+      RenderMesh(*mesh, Eigen::Vector3f(0.6F, -0.6F, 0.5F), 800, 600, /*use_colors=*/false);
+  if (!picture) return tl::unexpected<Error>(picture.error());
+  if (Status status = WriteImage(*picture, folder + "/mesh.png"); !status) return status;
+
+  Report report;
+  report.title = fmt::format("Scan {}", figures.job.scan_id);
+  report.pictures.push_back({"The mesh", "mesh.png"});
+  Report::Table summary{"Summary", {"figure", "value"}, {}};
+  summary.rows.push_back({"views", fmt::format("{}", figures.views.size())});
+  summary.rows.push_back({"points", fmt::format("{}", figures.NumPoints())});
+  summary.rows.push_back({"points left out by the crop", fmt::format("{}", figures.NumDropped())});
+  summary.rows.push_back(
+      {"vertices, faces", fmt::format("{}, {}", figures.num_vertices, figures.num_faces)});
+  summary.rows.push_back(
+      {"registration rms before, after [mm]",
+       Millimetres(figures.rms_before_m) + ", " + Millimetres(figures.rms_after_m)});
+  report.tables.push_back(summary);
+  Report::Table views{"Views", {"view", "points", "left out", "overlap", "rms [mm]"}, {}};
+  for (const ScanFigures::View& view : figures.views) {
+    views.rows.push_back({fmt::format("{:03}", view.id), fmt::format("{}", view.num_points),
+                          fmt::format("{}", view.num_dropped),
+                          fmt::format("{:.0f} %", 100.0 * view.overlap_ratio),
+                          view.connected ? Millimetres(view.rms_m) : "no overlap, prior kept"});
+  }
+  report.tables.push_back(views);
+  Report::Table seconds{"Time", {"stage", "s"}, {}};
+  for (const auto& [stage, value] : figures.seconds) {
+    seconds.rows.push_back({stage, fmt::format("{:.2f}", value)});
+  }
+  report.tables.push_back(seconds);
+  return WriteReport(report, folder + "/report.html");
 }
 
 }  // namespace fringe_fusion::nodes

@@ -16,7 +16,7 @@ namespace fringe_fusion::nodes {
 //   job.yaml          scan id and number of views, so that an interrupted scan can be resumed
 //   scan/             raw frames as a scan folder
 //   poses_prior.conf  device poses; poses.conf: registered ones; both name scan/views/NNN/range.ply
-//   mesh.ply figures.json
+//   mesh.ply mesh.png figures.json report.html
 
 /// One scan_object job as job.yaml tells it.
 struct ScanJob {
@@ -56,5 +56,7 @@ struct ScanFigures {
 [[nodiscard]] Result<std::map<int, Transform>> PosesOf(const ViewPoses& poses);
 
 [[nodiscard]] Status WriteFigures(const ScanFigures& figures, const std::string& path);
+/// Draws mesh.png from mesh.ply and writes report.html.
+[[nodiscard]] Status WriteScanReport(const ScanFigures& figures, const std::string& folder);
 
 }  // namespace fringe_fusion::nodes

@@ -96,14 +96,16 @@ Matrix6d ToRosCovariance(const Matrix6d& covariance, const Transform& T) {
   Matrix6d J = Matrix6d::Zero();
   J.block<3, 3>(0, 3) = T.linear();
   J.block<3, 3>(3, 0) = T.linear();
-  return J * covariance * J.transpose();
+  const Matrix6d turned = J * covariance * J.transpose();
+  return 0.5 * (turned + turned.transpose());  // rounding must not make it asymmetric
 }
 
 Matrix6d FromRosCovariance(const Matrix6d& covariance_ros, const Transform& T) {
   Matrix6d J = Matrix6d::Zero();
   J.block<3, 3>(0, 3) = T.linear().transpose();
   J.block<3, 3>(3, 0) = T.linear().transpose();
-  return J * covariance_ros * J.transpose();
+  const Matrix6d turned = J * covariance_ros * J.transpose();
+  return 0.5 * (turned + turned.transpose());
 }
 
 geometry_msgs::PoseWithCovariance ToMessage(const Pose& pose) {

@@ -18,7 +18,9 @@ Pose PriorPose(const Transform& T_object_camera, const PosePriorConfig& config, 
   if (config.in_object_frame) {
     // Exp(xi) T = T Exp(Adjoint(T^-1) xi): the error about the object's axes, seen from the camera.
     const Matrix6d A = Adjoint(T_object_camera.inverse());
-    pose.covariance = A * pose.covariance * A.transpose();
+    const Matrix6d turned = A * pose.covariance * A.transpose();
+    // Rounding must not make it asymmetric: files and solvers check that.
+    pose.covariance = 0.5 * (turned + turned.transpose());
   }
   return pose;
 }
