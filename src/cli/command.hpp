@@ -1,0 +1,108 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "console.hpp"
+#include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/io/config_yaml.hpp"
+#include "json.hpp"
+
+namespace fringe_fusion::cli {
+
+/// Options that every command has.
+struct CommonOptions {
+  std::string json_file;
+  std::string config_folder;
+  int threads = 0;
+  bool quiet = false;
+};
+
+/// What a running command works with: progress, settings and the figures it reports.
+class Session {
+ public:
+  Session(const std::string& command, const CommonOptions& options)
+      : console(command, options.quiet), config_folder_(options.config_folder) {}
+
+  /// Settings of a stage: <config folder>/<stage>.yaml where it exists, else the defaults.
+  /// @return error naming file, key, value and bound.
+  template <typename Config>
+  [[nodiscard]] Result<Config> LoadStage(const std::string& stage) const {
+    if (!HasStage(stage)) return Config{};
+    return LoadConfigFile<Config>(StageFile(stage));
+  }
+  [[nodiscard]] bool HasStage(const std::string& stage) const {
+    return !config_folder_.empty() && std::filesystem::exists(StageFile(stage));
+  }
+  /// Takes the settings that lie with a scan, SCAN/settings/, unless --config was given.
+  void AdoptSettings(const std::string& scan) {
+    const std::filesystem::path folder = std::filesystem::path(scan) / "settings";
+    if (config_folder_.empty() && std::filesystem::is_directory(folder)) {
+      config_folder_ = folder.string();
+    }
+  }
+
+  Console console;
+  Json figures;  ///< written to --json when the command succeeds
+
+ private:
+  [[nodiscard]] std::string StageFile(const std::string& stage) const {
+    return (std::filesystem::path(config_folder_) / (stage + ".yaml")).string();
+  }
+
+  std::string config_folder_;
+};
+
+/// The command line and how its command ended.
+struct Tool {
+  CLI::App app;
+  std::string command;  ///< that ran
+  Status outcome;
+};
+
+/// Adds --json, --config, --threads and --quiet. @param has_config whether --config is one of them.
+void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config);
+
+/// Runs the body of a command under the common options and writes its figures.
+[[nodiscard]] Status RunBody(const std::string& name, const CommonOptions& options,
+                             const std::function<Status(Session&)>& body);
+
+/// Adds one command to the tool.
+/// @param declare adds its options. @param run does its work.
+template <typename Options>
+void AddCommand(Tool& tool, const std::string& name, const std::string& description,
+                void (*declare)(CLI::App&, Options&),
+                Status (*run)(const Options& options, Session& session)) {
+  CLI::App* command = tool.app.add_subcommand(name, description);
+  // The parser keeps references to the options until the callback ran.
+  const auto options = std::make_shared<Options>();
+  const auto common = std::make_shared<CommonOptions>();
+  declare(*command, *options);
+  DeclareCommon(*command, *common, command->get_option_no_throw("--config") == nullptr);
+  command->callback([&tool, name, options, common, run] {
+    tool.command = name;
+    tool.outcome = RunBody(name, *common, [&](Session& session) { return run(*options, session); });
+  });
+}
+
+/// Checks before the work that a file can be written in the end.
+/// @param extensions that are known, e.g. {".ply", ".stl"}; empty: any.
+/// @return error naming the file and what is wrong.
+[[nodiscard]] Status CheckOutputFile(const std::string& path,
+                                     const std::vector<std::string>& extensions);
+
+// One function per command, each in its own file.
+void AddSimulate(Tool& tool);
+void AddDecode(Tool& tool);
+void AddReconstruct(Tool& tool);
+void AddRegister(Tool& tool);
+void AddFuse(Tool& tool);
+void AddInspect(Tool& tool);
+void AddImport(Tool& tool);
+void AddRun(Tool& tool);
+
+}  // namespace fringe_fusion::cli

@@ -1,0 +1,137 @@
+#include "figures.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace fringe_fusion::cli {
+namespace {
+
+std::string Millimetres(double value_m) { return fmt::format("{:.4f}", value_m * 1e3); }
+
+Json StatisticsFigures(const DistanceStatistics& statistics) {
+  return Json()
+      .Set("count", statistics.count)
+      .Set("num_far", statistics.num_far)
+      .Set("mean_m", statistics.mean_m)
+      .Set("rms_m", statistics.rms_m)
+      .Set("median_abs_m", statistics.median_abs_m)
+      .Set("p95_abs_m", statistics.p95_abs_m)
+      .Set("max_abs_m", statistics.max_abs_m);
+}
+
+std::vector<std::string> StatisticsRow(const std::string& name,
+                                       const DistanceStatistics& statistics) {
+  return {name,
+          std::to_string(statistics.count),
+          std::to_string(statistics.num_far),
+          Millimetres(statistics.mean_m),
+          Millimetres(statistics.rms_m),
+          Millimetres(statistics.median_abs_m),
+          Millimetres(statistics.p95_abs_m),
+          Millimetres(statistics.max_abs_m)};
+}
+
+}  // namespace
+
+double Median(const Image<float>& values) {
+  std::vector<float> finite;
+  std::copy_if(values.begin(), values.end(), std::back_inserter(finite),
+               [](float value) { return std::isfinite(value); });
+  if (finite.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = finite.begin() + static_cast<std::ptrdiff_t>(finite.size() / 2);
+  std::nth_element(finite.begin(), middle, finite.end());
+  return static_cast<double>(*middle);
+}
+
+Json PhaseFigures(int view_id, const PhaseMap& phase) {
+  std::array<std::size_t, kNumMaskReasons> counts{};
+  for (const std::uint8_t reason : phase.mask) {
+    if (reason < kNumMaskReasons) ++counts[reason];
+  }
+  Json reasons;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    reasons.Set(MaskReasonName(static_cast<MaskReason>(i)), counts[i]);
+  }
+  Json figures;
+  figures.Set("view", view_id).Set("pixels", reasons);
+  if (!phase.sigma_u.empty()) figures.Set("median_sigma_u_px", Median(phase.sigma_u));
+  if (!phase.sigma_v.empty()) figures.Set("median_sigma_v_px", Median(phase.sigma_v));
+  return figures.Set("median_modulation_dn", Median(phase.modulation));
+}
+
+Json RangeFigures(int view_id, const TriangulationResult& result) {
+  Json figures;
+  figures.Set("view", view_id).Set("num_points", CountValid(result.range));
+  figures.Set("median_sigma_range_m", Median(result.range.sigma_range));
+  return figures.Set("median_abs_epipolar_px", result.epipolar_residual_px.empty()
+                                                   ? std::numeric_limits<double>::quiet_NaN()
+                                                   : result.median_abs_epipolar_px);
+}
+
+Json RegistrationFigures(const RegistrationResult& result) {
+  std::vector<Json> views;
+  for (const RegisteredView& view : result.views) {
+    views.push_back(Json()
+                        .Set("view", view.id)
+                        .Set("overlap_ratio", view.overlap_ratio)
+                        .Set("rms_m", view.rms_m)
+                        .Set("connected", view.connected));
+  }
+  return Json()
+      .Set("rms_before_m", result.rms_before_m)
+      .Set("rms_after_m", result.rms_after_m)
+      .Set("iterations", result.iterations)
+      .Set("converged", result.converged)
+      .Set("views", views);
+}
+
+Json MeshFigures(const Mesh& mesh) {
+  return Json()
+      .Set("num_vertices", mesh.vertices.size())
+      .Set("num_faces", mesh.faces.size())
+      .Set("area_m2", Area(mesh));
+}
+
+Json InspectionFigures(const InspectionResult& result) {
+  return Json()
+      .Set("model_to_reference", StatisticsFigures(result.model_to_reference))
+      .Set("reference_to_model", StatisticsFigures(result.reference_to_model))
+      .Set("completeness_ratio", result.completeness_ratio);
+}
+
+Report::Table RegistrationTable(const RegistrationResult& result) {
+  Report::Table table;
+  table.title =
+      fmt::format("Registration: residual {} mm at the prior poses, {} mm after {} iterations{}",
+                  Millimetres(result.rms_before_m), Millimetres(result.rms_after_m),
+                  result.iterations, result.converged ? "" : " (not converged)");
+  table.header = {"view", "overlap [%]", "rms [mm]", "connected"};
+  for (const RegisteredView& view : result.views) {
+    table.rows.push_back({std::to_string(view.id), fmt::format("{:.1f}", 100 * view.overlap_ratio),
+                          Millimetres(view.rms_m), view.connected ? "yes" : "no"});
+  }
+  return table;
+}
+
+Report::Table MeshTable(const Mesh& mesh) {
+  Report::Table table;
+  table.title = "Mesh";
+  table.header = {"vertices", "faces", "area [cm2]"};
+  table.rows = {{std::to_string(mesh.vertices.size()), std::to_string(mesh.faces.size()),
+                 fmt::format("{:.2f}", Area(mesh) * 1e4)}};
+  return table;
+}
+
+Report::Table InspectionTable(const InspectionResult& result) {
+  Report::Table table;
+  table.title =
+      fmt::format("Deviation in mm; completeness {:.2f} %", 100.0 * result.completeness_ratio);
+  table.header = {"direction", "samples", "farther", "mean", "rms", "median", "95 %", "max"};
+  table.rows = {StatisticsRow("model to reference", result.model_to_reference),
+                StatisticsRow("reference to model", result.reference_to_model)};
+  return table;
+}
+
+}  // namespace fringe_fusion::cli

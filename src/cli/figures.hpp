@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "fringe_fusion/common/image.hpp"
+#include "fringe_fusion/inspection/compare.hpp"
+#include "fringe_fusion/inspection/report.hpp"
+#include "fringe_fusion/phase/phase_map.hpp"
+#include "fringe_fusion/registration/register_views.hpp"
+#include "fringe_fusion/surface/mesh.hpp"
+#include "fringe_fusion/triangulation/range_image.hpp"
+#include "json.hpp"
+
+namespace fringe_fusion::cli {
+
+/// Median of the finite values, NaN if there are none.
+[[nodiscard]] double Median(const Image<float>& values);
+
+// The figures of one stage's result as --json states them.
+[[nodiscard]] Json PhaseFigures(int view_id, const PhaseMap& phase);
+[[nodiscard]] Json RangeFigures(int view_id, const TriangulationResult& result);
+[[nodiscard]] Json RegistrationFigures(const RegistrationResult& result);
+[[nodiscard]] Json MeshFigures(const Mesh& mesh);
+[[nodiscard]] Json InspectionFigures(const InspectionResult& result);
+
+// The same for people.
+[[nodiscard]] Report::Table RegistrationTable(const RegistrationResult& result);
+[[nodiscard]] Report::Table MeshTable(const Mesh& mesh);
+[[nodiscard]] Report::Table InspectionTable(const InspectionResult& result);
+
+}  // namespace fringe_fusion::cli

@@ -1,0 +1,71 @@
+#include "fuse_views.hpp"
+
+#include "figures.hpp"
+#include "fringe_fusion/surface/fuse_views.hpp"
+#include "fringe_fusion/triangulation/point_spacing.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+Json FusionStageFigures(const FusionFigures& figures, double voxel_m) {
+  return Json()
+      .Set("num_views", figures.num_views)
+      .Set("num_points", figures.num_points)
+      .Set("num_outside_box", figures.num_outside_box)
+      .Set("num_on_plane", figures.num_on_plane)
+      .Set("num_on_fixture", figures.num_on_fixture)
+      .Set("num_empty_views", figures.num_empty_views)
+      .Set("voxel_m", voxel_m)
+      .Set("num_blocks", figures.num_blocks)
+      .Set("memory_bytes", figures.memory_bytes)
+      .Set("integrate_s", figures.integrate_s)
+      .Set("extract_s", figures.extract_s);
+}
+
+/// One voxel per measured point: finer ones cost memory without more detail, coarser ones smooth.
+Result<double> VoxelFromSpacing(const std::vector<View>& views) {
+  std::vector<const RangeImage*> ranges;
+  for (const View& view : views) ranges.push_back(&view.range);
+  const double spacing_m = MedianPointSpacing(ranges);
+  if (!(spacing_m > 0.0)) return Fail("views have no neighbouring points: give --voxel");
+  return spacing_m;
+}
+
+}  // namespace
+
+Result<FuseConfig> LoadFuseConfig(const Session& session, double voxel_m) {
+  const auto fusion = session.LoadStage<FusionConfig>("fusion");
+  if (!fusion) return Forward(fusion);
+  const auto crop = session.LoadStage<CropConfig>("crop");
+  if (!crop) return Forward(crop);
+  const auto surface = session.LoadStage<SurfaceConfig>("surface");
+  if (!surface) return Forward(surface);
+  FuseConfig config{*fusion, *crop, *surface, session.HasStage("fusion")};
+  if (voxel_m != 0.0) {
+    config.fusion.voxel_m = voxel_m;
+    config.voxel_is_given = true;
+  }
+  if (Status status = CheckBounds(config.fusion, "--voxel"); !status) {
+    return tl::unexpected(status.error());
+  }
+  return config;
+}
+
+Result<Mesh> FuseToMesh(const std::vector<View>& views, const FuseConfig& config,
+                        Session& session) {
+  FusionConfig fusion = config.fusion;
+  if (!config.voxel_is_given) {
+    const auto voxel_m = VoxelFromSpacing(views);
+    if (!voxel_m) return Forward(voxel_m);
+    fusion.voxel_m = *voxel_m;
+  }
+  session.console.Begin("fuse", 1);
+  auto fused = FuseViews(views, fusion, config.crop, config.surface, session.console.Part(0));
+  if (!fused) return Forward(fused);
+  session.console.End();
+  session.figures.Set("fusion", FusionStageFigures(fused->figures, fusion.voxel_m));
+  session.figures.Set("mesh", MeshFigures(fused->mesh));
+  return std::move(fused->mesh);
+}
+
+}  // namespace fringe_fusion::cli

@@ -1,0 +1,160 @@
+// fringe import: a recorded bag -> a scan folder, or one of its clouds -> PLY.
+#include <cmath>
+#include <optional>
+
+#include "command.hpp"
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/scan_folder.hpp"
+#include "fringe_fusion/ros_io/bag_reader.hpp"
+#include "staged_folder.hpp"
+#include "views.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+using ros_io::BagReader;
+using ros_io::BagStack;
+
+struct ImportOptions {
+  std::string bag;
+  std::string out;
+  std::string cloud;
+  std::string frames_topic;
+  std::string camera_info_topic;
+  std::string projector_info_topic;
+  std::string object_frame = "object";
+  double prior_sigma_mm = 0.2;
+  double prior_sigma_deg = 0.1;
+  bool list = false;
+};
+
+void Declare(CLI::App& command, ImportOptions& options) {
+  command.add_option("--bag", options.bag, "Recorded bag")->required()->type_name("FILE");
+  command
+      .add_option("--out", options.out,
+                  "Scan folder to write; with --cloud: the cloud, .ply or .pcd")
+      ->type_name("SCAN/|CLOUD.ply");
+  command
+      .add_option("--cloud", options.cloud,
+                  "Write the first sensor_msgs/PointCloud2 of this topic instead of a scan")
+      ->type_name("TOPIC");
+  command.add_flag("--list", options.list, "Print the topics of the bag and stop");
+  command
+      .add_option("--frames", options.frames_topic,
+                  "Topic of the frames (default: the only one that ends in frames)")
+      ->type_name("TOPIC");
+  command
+      .add_option("--camera-info", options.camera_info_topic,
+                  "Topic (default: the only one that ends in camera_info)")
+      ->type_name("TOPIC");
+  command
+      .add_option("--projector-info", options.projector_info_topic,
+                  "Topic (default: the only one that ends in projector_info)")
+      ->type_name("TOPIC");
+  command
+      .add_option("--object-frame", options.object_frame,
+                  "tf frame of the part; without it in tf the views get no prior pose")
+      ->type_name("FRAME")
+      ->capture_default_str();
+  command
+      .add_option("--prior-sigma-mm", options.prior_sigma_mm,
+                  "Standard deviation of the positions in tf [mm]")
+      ->check(CLI::Range(0.0, 1e6))
+      ->type_name("MM")
+      ->capture_default_str();
+  command
+      .add_option("--prior-sigma-deg", options.prior_sigma_deg,
+                  "Standard deviation of the rotations in tf [deg]")
+      ->check(CLI::Range(0.0, 180.0))
+      ->type_name("DEG")
+      ->capture_default_str();
+}
+
+/// Pose of the camera when the first frame of a stack was taken.
+Result<std::optional<Pose>> PriorFromTf(const ImportOptions& options, BagReader& bag,
+                                        const BagStack& recorded) {
+  if (!bag.HasFrame(options.object_frame)) return std::optional<Pose>();
+  const auto T_object_camera = bag.LookupTransform(options.object_frame, recorded.camera_frame,
+                                                   recorded.stack.frames.front().stamp_ns);
+  if (!T_object_camera) {
+    return Fail("view {}: {}", recorded.stack.view_id, T_object_camera.error().message);
+  }
+  Pose pose;
+  pose.T_object_camera = *T_object_camera;
+  pose.covariance = PoseCovariance(options.prior_sigma_deg * std::acos(-1.0) / 180.0,
+                                   options.prior_sigma_mm * 1e-3);
+  pose.source = PoseSource::kTf;
+  return std::optional<Pose>(pose);
+}
+
+Status ImportScan(const ImportOptions& options, BagReader& bag, Session& session) {
+  const auto calibration =
+      bag.ReadCalibration(options.camera_info_topic, options.projector_info_topic);
+  if (!calibration) return tl::unexpected(calibration.error());
+  auto folder = StagedFolder::Create(options.out);
+  if (!folder) return tl::unexpected(folder.error());
+  std::optional<ScanFolder> scan;
+  std::string scan_id;
+  int num_views = 0;
+  int num_priors = 0;
+  const auto take = [&](BagStack recorded) -> Status {
+    if (!scan) {
+      auto created = CreateScan(folder->path(), *calibration, recorded.stack.sequence);
+      if (!created) return tl::unexpected(created.error());
+      scan = std::move(*created);
+      scan_id = recorded.stack.scan_id;
+    }
+    if (recorded.stack.scan_id != scan_id) {
+      return Fail("{}: has several scans, '{}' and '{}'", options.bag, scan_id,
+                  recorded.stack.scan_id);
+    }
+    const auto prior = PriorFromTf(options, bag, recorded);
+    if (!prior) return tl::unexpected(prior.error());
+    ++num_views;
+    num_priors += prior->has_value() ? 1 : 0;
+    return WriteStack(*scan, recorded.stack, *prior, {});
+  };
+  session.console.Begin("import", 1);
+  if (Status status = bag.ReadStacks(options.frames_topic, take, session.console.Part(0));
+      !status) {
+    return status;
+  }
+  if (num_views == 0) return Fail("{}: has no complete view", options.bag);
+  session.console.End();
+  session.figures.Set("scan_id", scan_id)
+      .Set("calibration_id", CalibrationId(*calibration))
+      .Set("num_views", num_views)
+      .Set("num_views_with_prior", num_priors);
+  fmt::print("{}: {} views, {} with a prior pose\n", options.out, num_views, num_priors);
+  return folder->Commit();
+}
+
+Status ImportCloud(const ImportOptions& options, BagReader& bag, Session& session) {
+  if (Status status = CheckOutputFile(options.out, {".ply", ".pcd"}); !status) return status;
+  const auto cloud = bag.ReadCloud(options.cloud);
+  if (!cloud) return tl::unexpected(cloud.error());
+  session.figures.Set("num_points", cloud->vertices.size());
+  fmt::print("{}: {} points\n", options.out, cloud->vertices.size());
+  return WriteMesh(*cloud, options.out);
+}
+
+Status Import(const ImportOptions& options, Session& session) {
+  auto bag = BagReader::Open(options.bag);
+  if (!bag) return tl::unexpected(bag.error());
+  if (options.list) {
+    for (const std::string& topic : bag->Topics()) fmt::print("{}\n", topic);
+    return {};
+  }
+  if (options.out.empty()) return Fail("--out: is required unless --list is given");
+  return options.cloud.empty() ? ImportScan(options, *bag, session)
+                               : ImportCloud(options, *bag, session);
+}
+
+}  // namespace
+
+void AddImport(Tool& tool) {
+  AddCommand<ImportOptions>(tool, "import", "A recorded bag -> a scan folder, or a cloud of it",
+                            Declare, Import);
+}
+
+}  // namespace fringe_fusion::cli

@@ -1,0 +1,104 @@
+// fringe decode, fringe reconstruct: frames -> phase maps -> range images, view by view.
+#include <filesystem>
+
+#include "command.hpp"
+#include "figures.hpp"
+#include "fringe_fusion/io/file.hpp"
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/scan_folder.hpp"
+#include "views.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+struct ReconstructOptions {
+  std::string scan;
+  std::string out;
+  int view = -1;
+};
+
+void Declare(CLI::App& command, ReconstructOptions& options) {
+  command.add_option("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
+      ->required()
+      ->type_name("SCAN/");
+  command.add_option("--view", options.view, "Only this view (default: all)")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("K");
+  command.add_option("--out", options.out, "Write below this folder instead of the scan folder")
+      ->type_name("DIR");
+}
+
+/// The scan as a place to write to.
+ScanFolder OutputFolder(const ScanFolder& scan, const std::string& out) {
+  ScanFolder target = scan;
+  if (!out.empty()) target.path = out;
+  return target;
+}
+
+Status Decode(const ReconstructOptions& options, Session& session) {
+  session.AdoptSettings(options.scan);
+  const auto config = session.LoadStage<PhaseConfig>("phase");
+  if (!config) return Forward(config);
+  const auto scan = OpenScan(options.scan);
+  if (!scan) return Forward(scan);
+  const auto ids = SelectViews(*scan, options.view);
+  if (!ids) return Forward(ids);
+  const ScanFolder target = OutputFolder(*scan, options.out);
+  std::vector<Json> figures;
+  session.console.Begin("decode", static_cast<int>(ids->size()));
+  for (const int id : *ids) {
+    const Progress progress = session.console.Part(static_cast<int>(figures.size()));
+    const auto stack = ReadStack(*scan, id);
+    if (!stack) return Forward(stack);
+    const auto phase = DecodePhase(*stack, *config, progress);
+    if (!phase) return Fail("{}: {}", ViewFolder(*scan, id), phase.error().message);
+    if (Status status = MakeFolder(ViewFolder(target, id)); !status) return status;
+    if (Status status = WritePhaseMap(target, id, *phase); !status) return status;
+    figures.push_back(PhaseFigures(id, *phase));
+  }
+  session.console.End();
+  session.figures.Set("views", figures);
+  return {};
+}
+
+Status Reconstruct(const ReconstructOptions& options, Session& session) {
+  session.AdoptSettings(options.scan);
+  const auto config = LoadReconstructConfig(session);
+  if (!config) return Forward(config);
+  const auto scan = OpenScan(options.scan);
+  if (!scan) return Forward(scan);
+  const auto ids = SelectViews(*scan, options.view);
+  if (!ids) return Forward(ids);
+  const ScanFolder target = OutputFolder(*scan, options.out);
+  std::vector<Json> figures;
+  session.console.Begin("reconstruct", static_cast<int>(ids->size()));
+  for (const int id : *ids) {
+    const Progress progress = session.console.Part(static_cast<int>(figures.size()));
+    const auto made = ReconstructView(*scan, id, *config, progress);
+    if (!made) return Forward(made);
+    const std::string file = (std::filesystem::path(target.path) / RangeFile(id)).string();
+    if (Status status = MakeFolder(ViewFolder(target, id)); !status) return status;
+    if (Status status = WriteRangeImage(made->triangulation.range, file); !status) return status;
+    figures.push_back(RangeFigures(id, made->triangulation));
+  }
+  session.console.End();
+  session.figures.Set("calibration_id", CalibrationId(scan->calibration));
+  session.figures.Set("views", figures);
+  return {};
+}
+
+}  // namespace
+
+void AddDecode(Tool& tool) {
+  AddCommand<ReconstructOptions>(
+      tool, "decode",
+      "Frames -> phase maps: u, v, sigma_u, sigma_v, modulation (.tiff) and mask.png per view",
+      Declare, Decode);
+}
+
+void AddReconstruct(Tool& tool) {
+  AddCommand<ReconstructOptions>(tool, "reconstruct", "Frames -> range images: range.ply per view",
+                                 Declare, Reconstruct);
+}
+
+}  // namespace fringe_fusion::cli

@@ -1,0 +1,104 @@
+// fringe register: views with rough poses -> views with registered poses.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "command.hpp"
+#include "figures.hpp"
+#include "fringe_fusion/io/file.hpp"
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/poses_conf.hpp"
+#include "fringe_fusion/registration/register_views.hpp"
+#include "views.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RegisterOptions {
+  ViewsOptions views;
+  std::string out;
+  double prior_sigma_mm = 0.0;
+  double prior_sigma_deg = 0.0;
+};
+
+void Declare(CLI::App& command, RegisterOptions& options) {
+  DeclareViews(command, options.views);
+  command.add_option("--out", options.out, "Registered poses, files relative to it")
+      ->required()
+      ->type_name("POSES.conf");
+  auto* mm = command
+                 .add_option("--prior-sigma-mm", options.prior_sigma_mm,
+                             "Standard deviation of the given positions of a POSES.conf [mm]; "
+                             "without it the first view is held and all others are free")
+                 ->check(CLI::Range(1e-6, 1e6))
+                 ->type_name("MM");
+  auto* deg = command
+                  .add_option("--prior-sigma-deg", options.prior_sigma_deg,
+                              "Standard deviation of the given rotations of a POSES.conf [deg]")
+                  ->check(CLI::Range(1e-6, 180.0))
+                  ->type_name("DEG");
+  mm->needs(deg);
+  deg->needs(mm);
+}
+
+/// Files of the views, relative to the folder of the new POSES.conf. Views of a scan that were
+/// reconstructed on the fly are written, so that the new file does not name missing ones.
+Result<std::vector<std::string>> ViewFiles(const RegisterOptions& options,
+                                           const std::vector<View>& views) {
+  const bool is_scan = fs::is_directory(options.views.views);
+  const fs::path folder =
+      is_scan ? fs::path(options.views.views) : fs::path(options.views.views).parent_path();
+  const fs::path out_folder = fs::absolute(options.out).parent_path();
+  std::vector<std::string> files;
+  for (const View& view : views) {
+    const fs::path file = folder / (is_scan ? RangeFile(view.id) : view.name);
+    if (is_scan && !fs::exists(file)) {
+      if (Status status = WriteRangeImage(view.range, file.string()); !status) {
+        return tl::unexpected(status.error());
+      }
+    }
+    files.push_back(fs::absolute(file)
+                        .lexically_normal()
+                        .lexically_relative(out_folder.lexically_normal())
+                        .string());
+  }
+  return files;
+}
+
+Status Register(const RegisterOptions& options, Session& session) {
+  if (Status status = CheckOutputFile(options.out, {".conf"}); !status) return status;
+  session.AdoptSettings(options.views.views);
+  const auto config = session.LoadStage<RegistrationConfig>("registration");
+  if (!config) return Forward(config);
+  auto views = LoadViews(options.views, session);
+  if (!views) return Forward(views);
+  const auto files = ViewFiles(options, *views);
+  if (!files) return Forward(files);
+  ViewGraph graph{std::move(*views)};
+  if (options.prior_sigma_mm > 0.0 && !fs::is_directory(options.views.views)) {
+    const Matrix6d covariance = PoseCovariance(options.prior_sigma_deg * std::acos(-1.0) / 180.0,
+                                               options.prior_sigma_mm * 1e-3);
+    for (View& view : graph.views) view.pose.covariance = covariance;
+  }
+  session.console.Begin("register", 1);
+  const auto result = RegisterViews(graph, *config, session.console.Part(0));
+  if (!result) return Fail("{}: {}", options.views.views, result.error().message);
+  session.console.End();
+  std::vector<ConfEntry> entries;
+  for (std::size_t i = 0; i < files->size(); ++i) {
+    entries.push_back({(*files)[i], result->views[i].pose.T_object_camera});
+  }
+  session.figures.Set("registration", RegistrationFigures(*result));
+  return WritePosesConf(entries, options.out);
+}
+
+}  // namespace
+
+void AddRegister(Tool& tool) {
+  AddCommand<RegisterOptions>(tool, "register", "Multi-view registration on top of given poses",
+                              Declare, Register);
+}
+
+}  // namespace fringe_fusion::cli

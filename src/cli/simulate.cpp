@@ -1,0 +1,116 @@
+// fringe simulate: an object in the simulated cell -> a scan folder with ground truth.
+#include <filesystem>
+#include <optional>
+
+#include "command.hpp"
+#include "fringe_fusion/io/scan_folder.hpp"
+#include "fringe_fusion/sim/gauges.hpp"
+#include "fringe_fusion/sim/simulate_scan.hpp"
+#include "staged_folder.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SimulateOptions {
+  std::string config;
+  std::string object = "freeform";
+  std::string out;
+  int views = 0;
+  int seed = -1;
+};
+
+void Declare(CLI::App& command, SimulateOptions& options) {
+  command
+      .add_option("--config", options.config,
+                  "Calibration of the simulated devices (cell.yaml), or a folder that may hold "
+                  "cell.yaml, sim.yaml, pattern.yaml and simulate_scan.yaml (default: the built-in "
+                  "scanner without noise or pose error)")
+      ->type_name("CELL.yaml|DIR");
+  command
+      .add_option("--object", options.object,
+                  "Mesh file in metres, or a gauge: plane, sphere, ball_bar, step_block, freeform")
+      ->type_name("MESH.ply|NAME")
+      ->capture_default_str();
+  command.add_option("--views", options.views, "Stops of the turntable (default: 12)")
+      ->check(CLI::Range(1, 10000))
+      ->type_name("N");
+  command.add_option("--seed", options.seed, "Seed of noise and pose errors (default: sim.yaml)")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("S");
+  command
+      .add_option("--out", options.out,
+                  "Scan folder to write; earlier views and truth in it are replaced as a whole")
+      ->required()
+      ->type_name("SCAN/");
+}
+
+/// Loads <folder>/<stage>.yaml into `config` where it exists.
+template <typename Config>
+Status LoadInto(const fs::path& folder, const std::string& stage, Config& config) {
+  const fs::path file = folder / (stage + ".yaml");
+  if (!fs::exists(file)) return {};
+  auto loaded = LoadConfigFile<Config>(file.string());
+  if (!loaded) return tl::unexpected(loaded.error());
+  config = std::move(*loaded);
+  return {};
+}
+
+Result<sim::SimulateScanConfig> LoadSettings(const SimulateOptions& options) {
+  sim::SimulateScanConfig config;
+  fs::path cell_file;
+  if (fs::is_directory(options.config)) {
+    const fs::path folder = options.config;
+    if (Status status = LoadInto(folder, "simulate_scan", config); !status) {
+      return tl::unexpected(status.error());
+    }
+    if (Status status = LoadInto(folder, "sim", config.sim); !status) {
+      return tl::unexpected(status.error());
+    }
+    if (Status status = LoadInto(folder, "pattern", config.pattern); !status) {
+      return tl::unexpected(status.error());
+    }
+    if (fs::exists(folder / "cell.yaml")) cell_file = folder / "cell.yaml";
+  } else {
+    cell_file = options.config;
+  }
+  if (!cell_file.empty()) {
+    auto calibration = ReadCellCalibration(cell_file.string());
+    if (!calibration) return Forward(calibration);
+    config.calibration = std::move(*calibration);
+  }
+  if (options.views > 0) config.views = options.views;
+  if (options.seed >= 0) config.sim.seed = options.seed;
+  return config;
+}
+
+Status Simulate(const SimulateOptions& options, Session& session) {
+  const auto config = LoadSettings(options);
+  if (!config) return tl::unexpected(config.error());
+  const auto object = sim::MakeObject(options.object);
+  if (!object) return tl::unexpected(object.error());
+  auto folder = StagedFolder::Create(options.out);
+  if (!folder) return tl::unexpected(folder.error());
+  session.console.Begin("simulate", 1);
+  if (Status status = sim::SimulateScan(*config, *object, folder->path(), session.console.Part(0));
+      !status) {
+    return status;
+  }
+  session.console.End();
+  session.figures.Set("num_views", config->views)
+      .Set("seed", config->sim.seed)
+      .Set("calibration_id", CalibrationId(config->calibration))
+      .Set("num_faces", object->faces.size());
+  return folder->Commit();
+}
+
+}  // namespace
+
+void AddSimulate(Tool& tool) {
+  AddCommand<SimulateOptions>(tool, "simulate",
+                              "An object in the simulated cell -> a scan folder with ground truth",
+                              Declare, Simulate);
+}
+
+}  // namespace fringe_fusion::cli

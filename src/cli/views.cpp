@@ -1,0 +1,185 @@
+#include "views.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/poses_conf.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What a foreign scanner's file leaves open: direction of the rays, noise, normals.
+RangeImage Complete(RangeImage range, const ViewsOptions& options,
+                    const TriangulationConfig& config) {
+  // Files of our own name their devices; foreign scans are taken as parallel projections.
+  if (!range.line_of_sight.projector && !range.line_of_sight.directional) {
+    range.line_of_sight.directional = true;
+    range.line_of_sight.camera =
+        Eigen::Vector3d(options.line_of_sight.data()).normalized().cast<float>();
+  }
+  const auto sigma_m = static_cast<float>(options.sigma_mm * 1e-3);
+  bool has_normals = true;
+  for (std::size_t i = 0; i < range.points.size(); ++i) {
+    if (!range.points[i].allFinite()) continue;
+    if (!std::isfinite(range.sigma_range[i])) range.sigma_range[i] = sigma_m;
+    if (!std::isfinite(range.sigma_lateral[i])) range.sigma_lateral[i] = sigma_m;
+    has_normals = has_normals && range.normals[i].allFinite();
+  }
+  return has_normals ? range : EstimateNormals(range, config);
+}
+
+Result<std::vector<View>> LoadConf(const ViewsOptions& options, Session& session) {
+  const auto config = session.LoadStage<TriangulationConfig>("triangulation");
+  if (!config) return Forward(config);
+  const auto entries = ReadPosesConf(options.views);
+  if (!entries) return Forward(entries);
+  if (entries->empty()) return Fail("{}: names no scan", options.views);
+  const fs::path folder = fs::path(options.views).parent_path();
+  std::vector<View> views;
+  session.console.Begin("load", static_cast<int>(entries->size()));
+  for (const ConfEntry& entry : *entries) {
+    const int id = static_cast<int>(views.size());
+    if (!session.console.Part(id)("load", 0.0)) return Fail("{}", kCancelled);
+    Result<RangeImage> range = ReadRangeImage((folder / entry.file).string());
+    if (!range) return Forward(range);
+    View view;
+    view.id = id;
+    view.name = entry.file;
+    view.range = Complete(std::move(*range), options, *config);
+    view.pose.T_object_camera = entry.T_object_camera;
+    view.pose.source = PoseSource::kFile;
+    if (Status status = Validate(view); !status) return tl::unexpected(status.error());
+    views.push_back(std::move(view));
+  }
+  session.console.End();
+  return views;
+}
+
+Result<RangeImage> LoadOrReconstruct(const ScanFolder& scan, int view_id,
+                                     const ReconstructConfig& config, const Progress& progress) {
+  const std::string file = (fs::path(scan.path) / RangeFile(view_id)).string();
+  if (!fs::exists(file)) {
+    Result<Reconstruction> made = ReconstructView(scan, view_id, config, progress);
+    if (!made) return Forward(made);
+    return std::move(made->triangulation.range);
+  }
+  return ReadRangeImage(file);
+}
+
+Result<std::vector<View>> LoadScanViews(const ViewsOptions& options, Session& session) {
+  const auto config = LoadReconstructConfig(session);
+  if (!config) return Forward(config);
+  const auto scan = OpenScan(options.views);
+  if (!scan) return Forward(scan);
+  const auto ids = SelectViews(*scan, -1);
+  if (!ids) return Forward(ids);
+  std::vector<View> views;
+  session.console.Begin("load", static_cast<int>(ids->size()));
+  for (const int id : *ids) {
+    const Progress progress = session.console.Part(static_cast<int>(views.size()));
+    if (!progress("load", 0.0)) return Fail("{}", kCancelled);
+    const Result<Pose> pose = PriorPose(*scan, id);
+    if (!pose) return Forward(pose);
+    Result<RangeImage> range = LoadOrReconstruct(*scan, id, *config, progress);
+    if (!range) return Forward(range);
+    View view{id, ViewName(id), std::move(*range), *pose};
+    if (Status status = Validate(view); !status) return tl::unexpected(status.error());
+    views.push_back(std::move(view));
+  }
+  session.console.End();
+  return views;
+}
+
+}  // namespace
+
+void DeclareViews(CLI::App& command, ViewsOptions& options) {
+  command
+      .add_option("--views", options.views,
+                  "POSES.conf (lines `bmesh FILE tx ty tz qx qy qz qw`) or a scan folder, whose "
+                  "views without range.ply are reconstructed from their frames")
+      ->required()
+      ->type_name("POSES.conf|SCAN/");
+  command
+      .add_option("--line-of-sight", options.line_of_sight,
+                  "Direction to the sensor of directional scans in their own frame")
+      ->delimiter(',')
+      ->type_name("x,y,z")
+      ->capture_default_str();
+  command
+      .add_option("--sigma-mm", options.sigma_mm,
+                  "Standard deviation of the points of scans that state none [mm]")
+      ->check(CLI::Range(1e-6, 1e3))
+      ->type_name("MM")
+      ->capture_default_str();
+}
+
+Result<ReconstructConfig> LoadReconstructConfig(const Session& session) {
+  const auto phase = session.LoadStage<PhaseConfig>("phase");
+  if (!phase) return Forward(phase);
+  const auto triangulation = session.LoadStage<TriangulationConfig>("triangulation");
+  if (!triangulation) return Forward(triangulation);
+  return ReconstructConfig{*phase, *triangulation};
+}
+
+Result<Reconstruction> ReconstructView(const ScanFolder& scan, int view_id,
+                                       const ReconstructConfig& config, const Progress& progress) {
+  const Result<ImageStack> stack = ReadStack(scan, view_id);
+  if (!stack) return Forward(stack);
+  const auto half = [&progress](double begin) {
+    return [&progress, begin](const std::string& stage, double fraction) {
+      return progress(stage, begin + 0.5 * fraction);
+    };
+  };
+  Result<PhaseMap> phase = DecodePhase(*stack, config.phase, half(0.0));
+  if (!phase) return Fail("{}: {}", ViewFolder(scan, view_id), phase.error().message);
+  auto triangulation = Triangulate(*phase, scan.calibration, config.triangulation, half(0.5));
+  if (!triangulation) {
+    return Fail("{}: {}", ViewFolder(scan, view_id), triangulation.error().message);
+  }
+  return Reconstruction{std::move(*phase), std::move(*triangulation)};
+}
+
+Result<Pose> PriorPose(const ScanFolder& scan, int view_id) {
+  const auto description = ReadViewDescription(scan, view_id);
+  if (!description) return Forward(description);
+  if (description->prior) return *description->prior;
+  if (scan.view_ids.size() == 1) {
+    Pose pose;
+    pose.source = PoseSource::kFile;
+    return pose;
+  }
+  return Fail("{}: view {} has no pose: view.yaml needs `prior` when a scan has several views",
+              scan.path, view_id);
+}
+
+Result<std::vector<int>> SelectViews(const ScanFolder& scan, int view_id) {
+  if (scan.view_ids.empty()) return Fail("{}: has no views", scan.path);
+  if (view_id < 0) return scan.view_ids;
+  if (std::find(scan.view_ids.begin(), scan.view_ids.end(), view_id) == scan.view_ids.end()) {
+    return Fail("{}: has no view {} (views {} to {})", scan.path, view_id, scan.view_ids.front(),
+                scan.view_ids.back());
+  }
+  return std::vector<int>{view_id};
+}
+
+std::string ViewName(int view_id) { return fmt::format("{:03}", view_id); }
+
+std::string RangeFile(int view_id) { return "views/" + ViewName(view_id) + "/range.ply"; }
+
+Result<std::vector<View>> LoadViews(const ViewsOptions& options, Session& session) {
+  const Eigen::Vector3d direction(options.line_of_sight.data());
+  if (!direction.allFinite() || !(direction.norm() > 1e-9)) {
+    return Fail("--line-of-sight {},{},{}: must be a direction", direction.x(), direction.y(),
+                direction.z());
+  }
+  if (!fs::exists(options.views)) return Fail("--views {}: does not exist", options.views);
+  return fs::is_directory(options.views) ? LoadScanViews(options, session)
+                                         : LoadConf(options, session);
+}
+
+}  // namespace fringe_fusion::cli
