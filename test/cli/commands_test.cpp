@@ -1,0 +1,225 @@
+// Every command's ordinary use, on one small simulated scan; and the same bytes on any number of
+// threads.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/poses_conf.hpp"
+#include "fringe_fusion/io/scan_folder.hpp"
+#include "fringe_program.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kNumViews = 4;
+
+/// The number behind "key": in a figures file; NaN when it is absent.
+double Figure(const fs::path& file, const std::string& key) {
+  const std::string text = ReadBytes(file);
+  const std::string quoted = '"' + key + "\": ";
+  const std::size_t at = text.find(quoted);
+  if (at == std::string::npos) return std::nan("");
+  return std::strtod(text.c_str() + at + quoted.size(), nullptr);
+}
+
+void ExpectSuccess(const Outcome& outcome) { EXPECT_EQ(outcome.exit_status, 0) << outcome.err; }
+
+class Commands : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = std::make_unique<TemporaryFolder>("fringe_commands");
+    WriteSmallCellConfig(*folder_ / "config");
+    ExpectSuccess(RunFringe({"simulate", "--config", Path("config"), "--object", "freeform",
+                             "--views", std::to_string(kNumViews), "--out", Path("scan"), "--json",
+                             Path("simulate.json")}));
+  }
+  static void TearDownTestSuite() { folder_.reset(); }
+
+  static std::string Path(const std::string& name) { return (*folder_ / name).string(); }
+  /// A copy of the scan that a test may change.
+  static std::string CopyScan(const std::string& name) {
+    fs::copy(Path("scan"), Path(name), fs::copy_options::recursive);
+    return Path(name);
+  }
+
+  static std::unique_ptr<TemporaryFolder> folder_;
+};
+
+std::unique_ptr<TemporaryFolder> Commands::folder_;
+
+TEST_F(Commands, SimulateWritesAScanWithTruth) {
+  const auto scan = OpenScan(Path("scan"));
+  ASSERT_TRUE(scan) << scan.error().message;
+  EXPECT_EQ(scan->view_ids.size(), static_cast<std::size_t>(kNumViews));
+  EXPECT_EQ(scan->calibration.camera.width, 160);
+  EXPECT_TRUE(fs::exists(Path("scan/truth/object.ply")));
+  EXPECT_TRUE(fs::exists(Path("scan/truth/visible.ply")));
+  EXPECT_EQ(Figure(Path("simulate.json"), "num_views"), kNumViews);
+}
+
+TEST_F(Commands, SimulateReplacesAnEarlierScan) {
+  const std::string scan = CopyScan("smaller");
+  ExpectSuccess(RunFringe({"simulate", "--config", Path("config"), "--object", "sphere", "--views",
+                           "2", "--out", scan}));
+  const auto opened = OpenScan(scan);
+  ASSERT_TRUE(opened) << opened.error().message;
+  EXPECT_EQ(opened->view_ids, (std::vector<int>{0, 1}));
+}
+
+TEST_F(Commands, DecodeWritesPhaseMaps) {
+  const std::string scan = CopyScan("decoded");
+  ExpectSuccess(RunFringe({"decode", "--scan", scan, "--json", Path("decode.json")}));
+  const auto opened = OpenScan(scan);
+  ASSERT_TRUE(opened) << opened.error().message;
+  const auto phase = ReadPhaseMap(*opened, kNumViews - 1);
+  ASSERT_TRUE(phase) << phase.error().message;
+  EXPECT_EQ(phase->width, 160);
+  EXPECT_GT(Figure(Path("decode.json"), "median_sigma_u_px"), 0.0);
+  EXPECT_LT(Figure(Path("decode.json"), "median_sigma_u_px"), 0.5);
+}
+
+TEST_F(Commands, ReconstructWritesOneRangeImageWhenAsked) {
+  const std::string scan = CopyScan("reconstructed");
+  ExpectSuccess(RunFringe({"reconstruct", "--scan", scan, "--view", "2"}));
+  EXPECT_TRUE(fs::exists(scan + "/views/002/range.ply"));
+  EXPECT_FALSE(fs::exists(scan + "/views/001/range.ply"));
+}
+
+TEST_F(Commands, ReconstructLeavesTheScanAloneWithOut) {
+  const auto before = ListFiles(Path("scan"));
+  ExpectSuccess(RunFringe({"reconstruct", "--scan", Path("scan"), "--out", Path("elsewhere")}));
+  EXPECT_EQ(ListFiles(Path("scan")), before);
+  const auto range = ReadRangeImage(Path("elsewhere/views/000/range.ply"));
+  ASSERT_TRUE(range) << range.error().message;
+  EXPECT_GT(CountValid(*range), 1000);
+}
+
+TEST_F(Commands, RegisterMovesPosesTowardsTheTruth) {
+  const std::string scan = CopyScan("registered");
+  ExpectSuccess(RunFringe({"register", "--views", scan, "--out", scan + "/poses.conf", "--json",
+                           Path("register.json")}));
+  EXPECT_LE(Figure(Path("register.json"), "rms_after_m"),
+            Figure(Path("register.json"), "rms_before_m"));
+  const auto entries = ReadPosesConf(scan + "/poses.conf");
+  ASSERT_TRUE(entries) << entries.error().message;
+  ASSERT_EQ(entries->size(), static_cast<std::size_t>(kNumViews));
+  EXPECT_EQ((*entries)[1].file, "views/001/range.ply");
+  // The files that it names are there and carry their own noise and devices.
+  ExpectSuccess(RunFringe({"fuse", "--views", scan + "/poses.conf", "--out", Path("again.ply")}));
+}
+
+TEST_F(Commands, FuseMakesAMeshNearTheTruth) {
+  ExpectSuccess(RunFringe(
+      {"fuse", "--views", Path("scan"), "--out", Path("mesh.ply"), "--json", Path("fuse.json")}));
+  EXPECT_GT(Figure(Path("fuse.json"), "num_faces"), 1000.0);
+  ExpectSuccess(RunFringe({"inspect", "--mesh", Path("mesh.ply"), "--reference",
+                           Path("scan/truth/object.ply"), "--unit", "m", "--visible",
+                           Path("scan/truth/visible.ply"), "--report", Path("inspection"), "--json",
+                           Path("inspect.json")}));
+  // One pixel of this small camera is 1.2 mm wide on the part; poses are off by 0.1 mm.
+  EXPECT_LT(Figure(Path("inspect.json"), "rms_m"), 0.5e-3);
+  EXPECT_GT(Figure(Path("inspect.json"), "completeness_ratio"), 0.5);
+  for (const char* file : {"report.html", "deviation.png", "deviation.ply"}) {
+    EXPECT_TRUE(fs::exists(fs::path(Path("inspection")) / file)) << file;
+  }
+}
+
+TEST_F(Commands, InspectReadsMillimetres) {
+  Mesh square;
+  square.vertices = {{0, 0, 0}, {0.1F, 0, 0}, {0.1F, 0.1F, 0}, {0, 0.1F, 0}};
+  square.faces = {{0, 1, 2}, {0, 2, 3}};
+  Mesh cloud;
+  for (int i = 1; i < 10; ++i)
+    cloud.vertices.emplace_back(0.01F * static_cast<float>(i), 0.05F, 2e-4F);
+  ASSERT_TRUE(WriteMesh(cloud, Path("cloud.ply")));
+  for (Eigen::Vector3f& vertex : square.vertices) vertex *= 1000.0F;
+  ASSERT_TRUE(WriteMesh(square, Path("square_mm.ply")));
+  ExpectSuccess(RunFringe({"inspect", "--mesh", Path("cloud.ply"), "--reference",
+                           Path("square_mm.ply"), "--unit", "mm", "--json", Path("mm.json")}));
+  EXPECT_NEAR(Figure(Path("mm.json"), "mean_m"), 2e-4, 1e-8);
+  EXPECT_EQ(Figure(Path("mm.json"), "count"), 9.0);
+}
+
+TEST_F(Commands, RunDoesAllStages) {
+  ExpectSuccess(RunFringe({"run", "--scan", Path("scan"), "--out", Path("run")}));
+  for (const char* file : {"mesh.ply", "cloud.ply", "poses.conf", "mesh.png", "phase.png",
+                           "report.html", "views/000/range.ply", "views/003/range.ply"}) {
+    EXPECT_TRUE(fs::exists(fs::path(Path("run")) / file)) << file;
+  }
+  // Nothing hidden stays behind.
+  for (const std::string& file : ListFiles(Path("run"))) {
+    EXPECT_EQ(file.find(".partial"), std::string::npos) << file;
+  }
+}
+
+TEST_F(Commands, RunTakesTheCameraFrameOfASingleViewWithoutPrior) {
+  const std::string scan = CopyScan("single");
+  for (const char* view : {"001", "002", "003"}) fs::remove_all(scan + "/views/" + view);
+  RemovePrior(scan + "/views/000/view.yaml");
+  ExpectSuccess(RunFringe({"run", "--scan", scan, "--out", Path("run_single")}));
+  EXPECT_NE(ReadBytes(Path("run_single/report.html")).find("camera frame is the object frame"),
+            std::string::npos);
+}
+
+TEST_F(Commands, TellTheirOptions) {
+  const Outcome help = RunFringe({"--help"});
+  EXPECT_EQ(help.exit_status, 0);
+  for (const char* command :
+       {"simulate", "decode", "reconstruct", "register", "fuse", "inspect", "import", "run"}) {
+    EXPECT_NE(help.out.find(command), std::string::npos) << command;
+    const Outcome own = RunFringe({command, "--help"});
+    EXPECT_EQ(own.exit_status, 0) << command;
+    EXPECT_NE(own.out.find("--json"), std::string::npos) << command;
+    EXPECT_NE(own.out.find("--threads"), std::string::npos) << command;
+  }
+}
+
+/// Every command once, with all products in one folder.
+void RunChain(const std::string& config, const std::string& folder, const std::string& threads) {
+  const std::string scan = folder + "/scan";
+  const std::vector<std::vector<std::string>> calls = {
+      {"simulate", "--config", config, "--views", "4", "--out", scan},
+      {"decode", "--scan", scan},
+      {"reconstruct", "--scan", scan},
+      {"register", "--views", scan, "--out", folder + "/poses.conf"},
+      {"fuse", "--views", folder + "/poses.conf", "--out", folder + "/mesh.ply"},
+      {"inspect", "--mesh", folder + "/mesh.ply", "--reference", scan + "/truth/object.ply",
+       "--unit", "m", "--report", folder + "/inspection"},
+      {"run", "--scan", scan, "--out", folder + "/run"}};
+  for (std::vector<std::string> call : calls) {
+    call.insert(call.end(), {"--threads", threads, "--quiet"});
+    ExpectSuccess(RunFringe(call));
+  }
+}
+
+TEST_F(Commands, GiveTheSameBytesOnAnyNumberOfThreads) {
+  // The same folder each time, so that no path can differ.
+  const fs::path folder = *folder_ / "chain";
+  std::vector<std::string> names;
+  std::vector<std::string> bytes;
+  for (const char* threads : {"1", "2", "3"}) {
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    RunChain(Path("config"), folder.string(), threads);
+    const std::vector<std::string> files = ListFiles(folder);
+    ASSERT_GT(files.size(), 50U);
+    if (names.empty()) {
+      names = files;
+      for (const std::string& file : files) bytes.push_back(ReadBytes(folder / file));
+    }
+    ASSERT_EQ(files, names) << threads << " threads";
+    for (std::size_t i = 0; i < files.size(); ++i) {
+      // A comparison that prints megabytes helps nobody.
+      EXPECT_TRUE(ReadBytes(folder / files[i]) == bytes[i])
+          << files[i] << " differs on " << threads << " threads";
+    }
+  }
+}
+
+}  // namespace
+}  // namespace fringe_fusion::cli
