@@ -1,5 +1,6 @@
 #include "test/ros/cell_support.hpp"
 
+#include <ros/network.h>
 #include <ros/ros.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <sensor_msgs/point_cloud2_iterator.h>

@@ -62,7 +62,7 @@ TEST(PoseCovariance, AgreesWithMonteCarlo) {
   const Matrix6d root = core.llt().matrixL();
   std::mt19937 generator(11);
   std::normal_distribution<double> normal;
-  constexpr int kNumDraws = 200000;
+  constexpr int kNumDraws = 50000;
   Matrix6d sampled = Matrix6d::Zero();
   for (int i = 0; i < kNumDraws; ++i) {
     Vector6d z;
@@ -76,7 +76,7 @@ TEST(PoseCovariance, AgreesWithMonteCarlo) {
   }
   for (int r = 0; r < 6; ++r) {
     for (int c = 0; c < 6; ++c) {
-      const double limit = 0.02 * std::sqrt(ros(r, r) * ros(c, c));
+      const double limit = 0.03 * std::sqrt(ros(r, r) * ros(c, c));
       EXPECT_NEAR(sampled(r, c), ros(r, c), limit) << r << ", " << c;
     }
   }
