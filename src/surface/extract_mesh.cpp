@@ -151,20 +151,23 @@ std::vector<EdgeKey> DistinctEdges(const std::vector<EdgeTriangle>& triangles) {
 }
 
 // Root in (0, 1) of the cubic through d[0 .. 3] at -1, 0, 1, 2: the distance is not quite linear
-// where the surface bends. Linear where the outer voxels are missing or bend the wrong way.
-float RootOnEdge(const std::array<float, 4>& d) {
+// where the surface bends. Linear where an outer voxel is missing or the distance has a kink: half
+// way through a thin rib it turns back.
+float RootOnEdge(const std::array<float, 4>& d, float voxel_m) {
   const float linear = d[1] / (d[1] - d[2]);
-  const auto cubic = [&](float t) {
-    return d[1] + t * (-d[0] / 3.0F - d[1] / 2.0F + d[2] - d[3] / 6.0F +
-                       t * (d[0] / 2.0F - d[1] + d[2] / 2.0F +
-                            t * (-d[0] / 6.0F + d[1] / 2.0F - d[2] / 2.0F + d[3] / 6.0F)));
-  };
   float root = linear;
-  if (std::isfinite(d[0]) && std::isfinite(d[3])) {
+  // Second difference of a surface with a radius of some seven voxels.
+  constexpr float kMaxBendVoxels = 0.15F;
+  const float max_bend = kMaxBendVoxels * voxel_m;
+  // NaN, where an outer voxel is not supported, fails both.
+  if (std::abs(d[0] - 2.0F * d[1] + d[2]) <= max_bend &&
+      std::abs(d[1] - 2.0F * d[2] + d[3]) <= max_bend) {
+    const float t = linear;
+    const float cubic = d[1] + t * (-d[0] / 3.0F - d[1] / 2.0F + d[2] - d[3] / 6.0F +
+                                    t * (d[0] / 2.0F - d[1] + d[2] / 2.0F +
+                                         t * (-d[0] + 3.0F * d[1] - 3.0F * d[2] + d[3]) / 6.0F));
     // One secant step from the linear root.
-    root = linear - cubic(linear) / (d[2] - d[1]);
-    constexpr float kMaxCorrection = 0.25F;
-    if (!(std::abs(root - linear) <= kMaxCorrection)) root = linear;
+    root = linear - cubic / (d[2] - d[1]);
   }
   // Vertices of different edges that met in a voxel would make faces without area.
   constexpr float kMargin = 1e-3F;
@@ -181,7 +184,7 @@ void SetVertex(const ImplicitModel& model, const GridEdge& edge, std::size_t ind
     samples[static_cast<std::size_t>(i)] = model.AtVoxel(voxel);
     distances[static_cast<std::size_t>(i)] = samples[static_cast<std::size_t>(i)].distance;
   }
-  const float t = RootOnEdge(distances);
+  const float t = RootOnEdge(distances, static_cast<float>(model.config().voxel_m));
   const FieldSample& a = samples[1];
   const FieldSample& b = samples[2];
   Eigen::Vector3d position(edge.voxel[0], edge.voxel[1], edge.voxel[2]);

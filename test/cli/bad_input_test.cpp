@@ -122,7 +122,7 @@ TEST_F(BadInput, NanInACalibration) {
 
 TEST_F(BadInput, ProjectorSizeZero) {
   ReplaceInFile(scan_ + "/patterns.yaml", "width: 320", "width: 0");
-  ExpectScanRefused({"patterns.yaml", "width", "0"});
+  ExpectScanRefused({"patterns.yaml", "projector size", "0 x 200"});
 }
 
 TEST_F(BadInput, ViewWithoutPose) {

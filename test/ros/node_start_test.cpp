@@ -17,10 +17,10 @@ struct Outcome {
   std::vector<std::string> lines;
 };
 
-// Runs a command to its end; a node that does not end within 20 s counts as hanging, status 124.
+// Runs a command to its end; a node that does not end within 60 s counts as hanging, status 124.
 Outcome RunCommand(const std::string& command) {
   Outcome outcome;
-  const std::string bounded = "timeout 20 " + command + " 2>&1";
+  const std::string bounded = "timeout -k 5 60 " + command + " 2>&1";
   FILE* pipe = popen(bounded.c_str(), "r");
   if (pipe == nullptr) return outcome;
   std::string text;
@@ -59,6 +59,17 @@ TEST_P(NodeStart, NamesTheMissingParameter) {
 
 INSTANTIATE_TEST_SUITE_P(Nodes, NodeStart, ::testing::ValuesIn(AllNodes()),
                          [](const auto& node) { return node.param; });
+
+TEST(Nodelet, DoesNotLoadWithoutItsParameters) {
+  const Outcome outcome = RunCommand(
+      "rosrun nodelet nodelet standalone fringe_fusion/motion_node __name:=motion_nodelet");
+  EXPECT_NE(outcome.exit_status, 0);
+  bool named = false;
+  for (const std::string& line : outcome.lines) {
+    named = named || line.find("required parameter /motion_nodelet/") != std::string::npos;
+  }
+  EXPECT_TRUE(named) << ::testing::PrintToString(outcome.lines);
+}
 
 void SetMotionParameters() {
   ros::param::set("motion_node/backend", "sim");
