@@ -22,8 +22,8 @@ def load(path):
 def inspection_rows(folder):
     """Deviation figures with the poses of tf alone and registered."""
     rows = []
-    for name, file in (("tf alone", "inspection_mesh_tf"), ("registered", "inspection_mesh")):
-        figures = load(folder / f"{file}.json")["inspection"]
+    for name, result in (("tf alone", "tf"), ("registered", ".")):
+        figures = load(folder / result / "inspection.json")["inspection"]
         to_truth, to_model = figures["model_to_reference"], figures["reference_to_model"]
         rows.append([
             name,
@@ -86,9 +86,9 @@ def main():
 stop. Nothing was aligned to the truth before comparing.</p>
 {table(INSPECTION_HEADER, deviation)}
 {picture("mesh.png", "The fused mesh")}
-{picture("deviation.png", "Signed deviation from the true part [mm]")}
-{picture("phase.png", "Projector column of view 000")}
-{picture("deviation_tf.png", "Signed deviation with the poses of tf alone [mm]")}
+{picture("inspection/deviation.png", "Signed deviation from the true part [mm]")}
+{picture("tf/phase.png", "Projector column of view 000")}
+{picture("tf/inspection/deviation.png", "Signed deviation with the poses of tf alone [mm]")}
 {table(["scan", ""], scan)}
 </body></html>
 """
