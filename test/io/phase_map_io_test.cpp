@@ -114,8 +114,9 @@ TEST_F(PhaseMapIoTest, NamesTheLayerThatIsMissingOrWrong) {
   EXPECT_EQ(MessageOf(ReadPhaseMap(scan_, 0)), ViewFolder(scan_, 0) + ": v without sigma_v");
   ASSERT_TRUE(WritePhaseMap(scan_, 0, SmallMap(1.0F)));
   ASSERT_TRUE(WriteImage(Image<std::uint8_t>(40, 30, 200), InView("mask.png")));
-  EXPECT_EQ(MessageOf(ReadPhaseMap(scan_, 0)),
-            InView("mask.png") + ": mask value 200 is outside [0, 9]");
+  EXPECT_EQ(
+      MessageOf(ReadPhaseMap(scan_, 0)),
+      InView("mask.png") + fmt::format(": mask value 200 is outside [0, {}]", kNumMaskReasons - 1));
 }
 
 }  // namespace
