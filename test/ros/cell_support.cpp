@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <xmlrpcpp/XmlRpc.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <mutex>
@@ -128,19 +129,22 @@ ViewComparison Compare(const sensor_msgs::PointCloud2& cloud,
   sensor_msgs::PointCloud2ConstIterator<float> t(truth, "x");
   sensor_msgs::PointCloud2ConstIterator<std::uint8_t> lit(truth, "lit");
   sensor_msgs::PointCloud2ConstIterator<std::uint8_t> on_part(truth, "on_part");
-  double sum = 0.0;
+  std::vector<double> distances;
   std::size_t num_lit = 0;
   for (; p != p.end(); ++p, ++t, ++lit, ++on_part) {
     if (*lit == 0 || *on_part == 0) continue;
     ++num_lit;
     if (!std::isfinite(p[2])) continue;
-    ++result.num_points;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto d = static_cast<double>(p[axis] - t[axis]);
-      sum += d * d;
-    }
+    distances.push_back(std::hypot(p[0] - t[0], p[1] - t[1], p[2] - t[2]));
   }
-  result.rms_m = std::sqrt(sum / static_cast<double>(result.num_points));
+  if (distances.empty()) {
+    result.failure = "no point on the part";
+    return result;
+  }
+  std::sort(distances.begin(), distances.end());
+  result.num_points = distances.size();
+  result.median_m = distances[distances.size() / 2];
+  result.p95_m = distances[distances.size() * 95 / 100];
   result.complete_ratio = static_cast<double>(result.num_points) / static_cast<double>(num_lit);
   return result;
 }

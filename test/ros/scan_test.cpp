@@ -29,7 +29,9 @@ class Scan : public testing::Test {
                             "/frames", "/tf", "/tf_static", "/camera_info", "/projector_info"});
     ASSERT_TRUE(test::WaitFor(
         [] {
-          for (const std::string& node : test::Subscribers()["/frames"]) {
+          const auto subscribers = test::Subscribers();
+          if (subscribers.count("/frames") == 0) return false;
+          for (const std::string& node : subscribers.at("/frames")) {
             if (node.find("/record") == 0) return true;
           }
           return false;
