@@ -114,8 +114,8 @@ TEST_F(Commands, RegisterMovesPosesTowardsTheTruth) {
 }
 
 TEST_F(Commands, FuseMakesAMeshNearTheTruth) {
-  ExpectSuccess(RunFringe(
-      {"fuse", "--views", Path("scan"), "--out", Path("mesh.ply"), "--json", Path("fuse.json")}));
+  ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("mesh.ply"), "--json",
+                           Path("fuse.json"), "--config", Path("config")}));
   EXPECT_GT(Figure(Path("fuse.json"), "num_faces"), 1000.0);
   ExpectSuccess(RunFringe({"inspect", "--mesh", Path("mesh.ply"), "--reference",
                            Path("scan/truth/object.ply"), "--unit", "m", "--visible",

@@ -138,6 +138,9 @@ void WriteSmallCellConfig(const fs::path& folder) {
                 "turntable_angle_sigma_deg: 0.05");
   ReplaceInFile(folder / "sim.yaml", "turntable_shift_sigma_mm: 0.0",
                 "turntable_shift_sigma_mm: 0.1");
+  // The part stands on a plate, which is not part of it.
+  fs::copy_file(SOURCE_DIR "/config/crop.yaml", folder / "crop.yaml");
+  ReplaceInFile(folder / "crop.yaml", "remove_plane: false", "remove_plane: true");
 }
 
 }  // namespace fringe_fusion::cli
