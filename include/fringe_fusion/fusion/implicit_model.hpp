@@ -22,8 +22,8 @@ struct FusionConfig {
   /// Support R of a sample's weight; the width of its Gaussian is R / 2.5. Views whose points are
   /// sparse get a wider one: at least 2.5 times the spacing of their points, at most 16 voxels.
   double kernel_radius_voxels = 3.0;
-  double border_taper_px = 5.0;    ///< weights fade over this distance to a mask border
-  double min_sigma_m = 1e-6;       ///< floor under the stated sigma of a sample
+  double border_taper_px = 5.0;     ///< weights fade over this distance to a mask border
+  double min_sigma_m = 1e-6;        ///< floor under the stated sigma of a sample
   double min_weight_ratio = 0.002;  ///< of the median weight: below it the surface stays open
   /// A voxel whose samples' weighted centroid lies farther away along the surface extrapolates.
   double max_centroid_offset_voxels = 1.5;
