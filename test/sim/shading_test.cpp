@@ -101,7 +101,8 @@ TEST_F(PlaneShading, TheBackOfASurfaceIsNotLit) {
       Eigen::AngleAxisd(3.14159265358979, Eigen::Vector3d::UnitX()).toRotationMatrix();
   T_camera_projector.translation() = Eigen::Vector3d(0.0, 0.0, 1.0);
   opposite.T_projector_camera = T_camera_projector.inverse();
-  const Shader shader(SimConfig{}, opposite, *scene_, TopView());
+  const SimConfig config;
+  const Shader shader(config, opposite, *scene_, TopView());
   const auto hit = scene_->Cast({0.0, 0.0, 0.5}, {0.0, 0.0, -1.0});
   EXPECT_FALSE(shader.Shade(*hit, {0.0, 0.0, 0.5}, true).lit);
 }
