@@ -130,6 +130,8 @@ void WriteSmallCellConfig(const fs::path& folder) {
   const Status status = WriteCellCalibration(calibration, (folder / "cell.yaml").string());
   ASSERT_TRUE(status) << status.error().message;
   fs::copy_file(SOURCE_DIR "/config/sim.yaml", folder / "sim.yaml");
+  fs::copy_file(SOURCE_DIR "/config/simulate_scan.yaml", folder / "simulate_scan.yaml");
+  ReplaceInFile(folder / "simulate_scan.yaml", "plate_radius_m: 0.07", "plate_radius_m: 0.0");
   ReplaceInFile(folder / "sim.yaml", "projector_gamma: 1.0", "projector_gamma: 1.2");
   ReplaceInFile(folder / "sim.yaml", "gain_dn: 0.0", "gain_dn: 0.02");
   ReplaceInFile(folder / "sim.yaml", "read_noise_dn: 0.0", "read_noise_dn: 0.5");

@@ -100,8 +100,38 @@ TEST(SurfaceDistance, AgreesWithBruteForceOverAllTriangles) {
   }
 }
 
-// At corners and edges the nearest face alone gives the wrong sign: only the pseudo-normal is
-// right.
+// Beyond a sharp edge or tip the normal of one of its faces may point either way: only the
+// pseudo-normal is right.
+TEST(SurfaceDistance, HasTheRightSignBeyondSharpEdgesAndTips) {
+  // A long thin tetrahedron.
+  Mesh spike;
+  spike.vertices = {{0, 0, 0}, {1, 0, 0}, {0.5F, 0.1F, 0}, {0.5F, 0.03F, 2}};
+  spike.faces = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  Mesh hole = spike;  // the same surface seen from inside a block
+  for (Eigen::Vector3i& face : hole.faces) std::swap(face[0], face[1]);
+  const auto solid = SurfaceDistance::Create(spike);
+  const auto inverse = SurfaceDistance::Create(hole);
+  ASSERT_TRUE(solid && inverse);
+  std::mt19937 random(6);
+  int num_inside = 0;
+  for (int i = 0; i < 5000; ++i) {
+    Eigen::Vector3d q = RandomPoint(random, 1.5) + Eigen::Vector3d(0.5, 0.0, 1.0);
+    if (i % 2 == 0) q = Eigen::Vector3d(0.5, 0.03, 0.2) + RandomPoint(random, 0.2);
+    bool inside = true;  // behind all four planes
+    for (const Eigen::Vector3i& face : spike.faces) {
+      const auto corner = [&](int k) -> Eigen::Vector3d {
+        return spike.vertices[static_cast<std::size_t>(face[k])].cast<double>();
+      };
+      const Eigen::Vector3d normal = (corner(1) - corner(0)).cross(corner(2) - corner(0));
+      inside = inside && normal.dot(q - corner(0)) < 0.0;
+    }
+    num_inside += inside ? 1 : 0;
+    EXPECT_EQ(solid->Nearest(q, 10.0)->distance_m < 0.0, inside) << q.transpose();
+    EXPECT_EQ(inverse->Nearest(q, 10.0)->distance_m > 0.0, inside) << q.transpose();
+  }
+  EXPECT_GT(num_inside, 100);
+}
+
 TEST(SurfaceDistance, HasTheSignOfABoxAlsoBeyondEdgesAndCorners) {
   const Eigen::Vector3d low(-1, -0.5, 0);
   const Eigen::Vector3d high(0.5, 1, 2);
