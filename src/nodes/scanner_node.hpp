@@ -32,8 +32,8 @@ struct ScannerNodeConfig {
   std::string projector_node = "projector_node";  ///< whose ~show_pattern is called
   double exposure_s = 0.02;
   double gain = 1.0;
-  double show_timeout_s = 2.0;
-  double capture_timeout_s = 2.0;  ///< what the camera is given for one frame
+  double show_timeout_s = 8.0;
+  double capture_timeout_s = 5.0;  ///< what the camera is given for one frame
   double service_timeout_s = 5.0;  ///< a node that is silent for longer counts as hung
   double tf_timeout_s = 1.0;
   double stamp_tolerance_s = 0.002;  ///< a frame stamped earlier shows another pattern
