@@ -30,8 +30,7 @@ template <typename Client>
   return done ? client.getState().toString() : "TIMEOUT";
 }
 
-/// Waits until the devices, the simulation and the processing answer: its part takes seconds to
-/// load.
+/// Waits until devices, simulation and processing answer: the simulated part takes seconds to load.
 [[nodiscard]] bool WaitForCell(double timeout_s);
 
 /// Process id of a node, asked of the node itself; 0 if it does not answer.
