@@ -286,9 +286,9 @@ void FusionNode::PublishCells() {
   const std_msgs::Header header = Header();
   octomap_publisher_.publish(ros_io::ToMessage(*map, header.frame_id, header.stamp));
   occupied_publisher_.publish(
-      ros_io::ToMarker(map->OccupiedCells(), header, Color(0.9F, 0.5F, 0.1F, 1.0F)));
+      ros_io::ToMarker(map->OccupiedCells(), header, Color(0.9F, 0.5F, 0.1F, 0.15F)));
   free_publisher_.publish(
-      ros_io::ToMarker(map->FreeCells(), header, Color(0.2F, 0.7F, 0.9F, 0.1F)));
+      ros_io::ToMarker(map->FreeCells(), header, Color(0.2F, 0.7F, 0.9F, 0.04F)));
 }
 
 std_msgs::Header FusionNode::Header() const {

@@ -58,6 +58,7 @@ Result<ScannerNode::Setup> ScannerNode::LoadSetup(const ros::NodeHandle& private
 ScannerNode::ScannerNode(ros::NodeHandle nh, Setup setup)
     : setup_(std::move(setup)),
       nh_(std::move(nh)),
+      tf_buffer_(ros::Duration(setup_.config.tf_cache_s)),
       tf_listener_(tf_buffer_, nh_),
       motion_(nh_, setup_.motion),
       server_(

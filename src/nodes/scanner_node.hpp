@@ -32,10 +32,11 @@ struct ScannerNodeConfig {
   std::string projector_node = "projector_node";  ///< whose ~show_pattern is called
   double exposure_s = 0.02;
   double gain = 1.0;
-  double show_timeout_s = 2.0;
-  double capture_timeout_s = 2.0;  ///< what the camera is given for one frame
+  double show_timeout_s = 8.0;
+  double capture_timeout_s = 5.0;  ///< what the camera is given for one frame
   double service_timeout_s = 5.0;  ///< a node that is silent for longer counts as hung
   double tf_timeout_s = 1.0;
+  double tf_cache_s = 600.0;         ///< how far back the first frame of a slow view may lie
   double stamp_tolerance_s = 0.002;  ///< a frame stamped earlier shows another pattern
   int max_retries = 3;               ///< per frame
 
@@ -53,6 +54,7 @@ struct ScannerNodeConfig {
     field("capture_timeout_s", capture_timeout_s, 0.01, 600.0);
     field("service_timeout_s", service_timeout_s, 0.01, 600.0);
     field("tf_timeout_s", tf_timeout_s, 0.0, 600.0);
+    field("tf_cache_s", tf_cache_s, 1.0, 86400.0);
     field("stamp_tolerance_s", stamp_tolerance_s, 0.0, 10.0);
     field("max_retries", max_retries, 0, 1000);
   }

@@ -28,6 +28,18 @@ bool WaitFor(const std::function<bool()>& condition, double timeout_s) {
   return true;
 }
 
+bool WaitForCell(double timeout_s) {
+  return WaitFor(
+      [] {
+        for (const char* name : {"cell_sim_node/expose", "projector_node/show_pattern",
+                                 "camera_node/capture", "optimize_views", "extract_mesh"}) {
+          if (!ros::service::exists(ros::names::resolve(name), false)) return false;
+        }
+        return true;
+      },
+      timeout_s);
+}
+
 pid_t NodePid(const std::string& node) {
   XmlRpc::XmlRpcValue request;
   XmlRpc::XmlRpcValue response;
@@ -158,12 +170,13 @@ ViewComparison ScanAndCompareView(double angle_rad, double timeout_s) {
   MoveClient move("move_to_view", true);
   ScanViewClient scan("scan_view", true);
   ViewComparison failed;
-  const bool ready = WaitFor(
-      [&] {
-        return move.isServerConnected() && scan.isServerConnected() && cloud.Connected() &&
-               truth.Connected();
-      },
-      timeout_s);
+  const bool ready = WaitForCell(timeout_s) && WaitFor(
+                                                   [&] {
+                                                     return move.isServerConnected() &&
+                                                            scan.isServerConnected() &&
+                                                            cloud.Connected() && truth.Connected();
+                                                   },
+                                                   timeout_s);
   if (!ready) {
     failed.failure = "the cell is not ready";
     return failed;

@@ -30,6 +30,9 @@ template <typename Client>
   return done ? client.getState().toString() : "TIMEOUT";
 }
 
+/// Waits until devices, simulation and processing answer: the simulated part takes seconds to load.
+[[nodiscard]] bool WaitForCell(double timeout_s);
+
 /// Process id of a node, asked of the node itself; 0 if it does not answer.
 [[nodiscard]] pid_t NodePid(const std::string& node);
 

@@ -24,6 +24,7 @@ using test_support::TempFolder;
 class Cell {
  public:
   Cell() : client_("scan_object", true) {
+    EXPECT_TRUE(test::WaitForCell(60.0));
     EXPECT_TRUE(test::WaitFor([this] { return client_.isServerConnected(); }, 30.0));
   }
   void Start(const TempFolder& folder, std::uint32_t num_views, bool resume) {
