@@ -1,5 +1,6 @@
 #include "fringe_fusion/calibration/cell_calibration.hpp"
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -13,10 +14,6 @@ class Fingerprint {
     std::uint64_t bits = 0;
     std::memcpy(&bits, &value, sizeof(bits));
     for (int byte = 0; byte < 8; ++byte) Mix(static_cast<unsigned char>(bits >> (8 * byte)));
-  }
-  void Add(const std::string& text) {
-    for (const char c : text) Mix(static_cast<unsigned char>(c));
-    Mix(0);
   }
   void Add(const CameraModel& m) {
     for (const double value :
@@ -53,12 +50,12 @@ std::string CalibrationId(const CellCalibration& calibration) {
   Fingerprint fingerprint;
   fingerprint.Add(calibration.camera);
   fingerprint.Add(calibration.projector);
-  const Eigen::Vector3d translation = calibration.T_projector_camera.translation();
-  const Eigen::Matrix3d rotation = calibration.T_projector_camera.linear();
-  for (int i = 0; i < 3; ++i) fingerprint.Add(translation[i]);
-  for (int i = 0; i < 9; ++i) fingerprint.Add(rotation.data()[i]);
-  fingerprint.Add(calibration.camera_serial);
-  fingerprint.Add(calibration.projector_serial);
+  // A pose loses its last bits on the way through a quaternion or tf.
+  constexpr double kStep = 1e-9;
+  const Transform::MatrixType& T = calibration.T_projector_camera.matrix();
+  for (int column = 0; column < 4; ++column) {
+    for (int row = 0; row < 3; ++row) fingerprint.Add(std::round(T(row, column) / kStep) + 0.0);
+  }
   return fmt::format("{:016x}", fingerprint.value());
 }
 

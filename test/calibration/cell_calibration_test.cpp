@@ -42,19 +42,25 @@ TEST(CellCalibration, IdFollowsEveryNumber) {
   other.projector.cy += 1e-9;
   EXPECT_NE(id, CalibrationId(other));
   other = reference;
-  other.T_projector_camera.translation().x() += 1e-12;
+  other.T_projector_camera.translation().x() += 1e-8;
   EXPECT_NE(id, CalibrationId(other));
   other = reference;
-  other.camera_serial = "B";
+  other.T_projector_camera.rotate(Eigen::AngleAxisd(1e-8, Eigen::Vector3d::UnitZ()));
   EXPECT_NE(id, CalibrationId(other));
-  // The joint of two texts counts: ("A", "B") is not ("AB", "").
-  CellCalibration first = reference;
-  first.camera_serial = "A";
-  first.projector_serial = "B";
-  CellCalibration second = reference;
-  second.camera_serial = "AB";
-  second.projector_serial = "";
-  EXPECT_NE(CalibrationId(first), CalibrationId(second));
+}
+
+TEST(CellCalibration, IdSurvivesTheWayThroughTf) {
+  const CellCalibration reference = sim::DefaultCalibration();
+  CellCalibration other = reference;
+  const Transform T_camera_projector = reference.T_projector_camera.inverse();
+  const Eigen::Quaterniond q(T_camera_projector.linear());
+  Transform rebuilt = Transform::Identity();
+  rebuilt.linear() = q.normalized().toRotationMatrix();
+  rebuilt.translation() = T_camera_projector.translation();
+  other.T_projector_camera = rebuilt.inverse();
+  ASSERT_NE(other.T_projector_camera.matrix(), reference.T_projector_camera.matrix());
+  other.camera_serial = "A";
+  EXPECT_EQ(CalibrationId(other), CalibrationId(reference));
 }
 
 }  // namespace

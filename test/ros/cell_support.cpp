@@ -1,5 +1,6 @@
 #include "test/ros/cell_support.hpp"
 
+#include <fringe_fusion/RangeView.h>
 #include <ros/network.h>
 #include <ros/ros.h>
 #include <sensor_msgs/PointCloud2.h>
@@ -167,16 +168,17 @@ ViewComparison ScanAndCompareView(double angle_rad, double timeout_s) {
   ros::NodeHandle nh;
   Listener<sensor_msgs::PointCloud2> cloud(nh, "points/xyzrgba");
   Listener<sensor_msgs::PointCloud2> truth(nh, "cell_sim_node/truth/points");
+  Listener<RangeView> view(nh, "range_view");
   MoveClient move("move_to_view", true);
   ScanViewClient scan("scan_view", true);
   ViewComparison failed;
-  const bool ready = WaitForCell(timeout_s) && WaitFor(
-                                                   [&] {
-                                                     return move.isServerConnected() &&
-                                                            scan.isServerConnected() &&
-                                                            cloud.Connected() && truth.Connected();
-                                                   },
-                                                   timeout_s);
+  const bool ready = WaitForCell(timeout_s) &&
+                     WaitFor(
+                         [&] {
+                           return move.isServerConnected() && scan.isServerConnected() &&
+                                  cloud.Connected() && truth.Connected() && view.Connected();
+                         },
+                         timeout_s);
   if (!ready) {
     failed.failure = "the cell is not ready";
     return failed;
@@ -198,13 +200,18 @@ ViewComparison ScanAndCompareView(double angle_rad, double timeout_s) {
   }
   const auto first_stamp = scan.getResult()->first_stamp;
   const bool arrived = WaitFor(
-      [&] { return cloud.Last() && cloud.Last()->header.stamp == first_stamp && truth.Last(); },
+      [&] {
+        return cloud.Last() && cloud.Last()->header.stamp == first_stamp && truth.Last() &&
+               view.Last();
+      },
       timeout_s);
   if (!arrived) {
     failed.failure = "no cloud with the stamp of the first frame";
     return failed;
   }
-  return Compare(*cloud.Last(), *truth.Last());
+  ViewComparison comparison = Compare(*cloud.Last(), *truth.Last());
+  comparison.calibration_id = view.Last()->calibration_id;
+  return comparison;
 }
 
 }  // namespace fringe_fusion::test

@@ -62,9 +62,10 @@ class Process {
 struct ViewComparison {
   std::string failure;  ///< words, empty if there is a comparison
   std::size_t num_points = 0;
-  double median_m = 0.0;      ///< distance to the true point of the same pixel ...
-  double p95_m = 0.0;         ///< ... which mixed pixels at depth steps dominate beyond 95 %
-  double complete_ratio = 0;  ///< share of the lit pixels of the part that carry a point
+  double median_m = 0.0;       ///< distance to the true point of the same pixel ...
+  double p95_m = 0.0;          ///< ... which mixed pixels at depth steps dominate beyond 95 %
+  std::string calibration_id;  ///< that the view says it was made with
+  double complete_ratio = 0;   ///< share of the lit pixels of the part that carry a point
 };
 /// Scans one view at a turntable angle through scan_view.
 [[nodiscard]] ViewComparison ScanAndCompareView(double angle_rad, double timeout_s);

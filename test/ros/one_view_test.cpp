@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "fringe_fusion/calibration/cell_calibration.hpp"
+#include "fringe_fusion/io/scan_folder.hpp"
 #include "test/ros/cell_support.hpp"
 
 namespace fringe_fusion {
@@ -19,6 +21,11 @@ TEST(OneView, CloudLiesOnTheTruth) {
   EXPECT_LT(view.median_m, 0.05e-3);
   EXPECT_LT(view.p95_m, 0.15e-3);
   EXPECT_GT(view.complete_ratio, 0.8);
+  std::string file;
+  ASSERT_TRUE(ros::param::get("cell_sim_node/calibration_file", file));
+  const Result<CellCalibration> calibration = ReadCellCalibration(file);
+  ASSERT_TRUE(calibration) << calibration.error().message;
+  EXPECT_EQ(view.calibration_id, CalibrationId(*calibration));
 }
 
 TEST(OneView, NoProductNodeListensToTheTruth) {

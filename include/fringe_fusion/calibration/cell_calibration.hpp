@@ -21,7 +21,9 @@ struct CellCalibration {
 /// Checks both devices and that the baseline is finite and not zero.
 [[nodiscard]] Status Validate(const CellCalibration& calibration, const std::string& owner);
 
-/// Short hexadecimal fingerprint of all numbers of a calibration. Every product carries it.
+/// Short hexadecimal fingerprint of the geometry: both devices, and their pose to 1 nm. Every
+/// product carries it. The same whether read from cell.yaml or from CameraInfo and tf, which know
+/// no serials.
 [[nodiscard]] std::string CalibrationId(const CellCalibration& calibration);
 
 }  // namespace fringe_fusion
