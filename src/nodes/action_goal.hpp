@@ -1,6 +1,7 @@
 #pragma once
 
 #include <actionlib/client/simple_action_client.h>
+#include <ros/callback_queue.h>
 
 #include <chrono>
 #include <functional>
@@ -19,24 +20,27 @@ struct GoalLimits {
 
 /// Runs one goal to its end. Whatever happens, no goal is left running: on a cancel, a lost server
 /// or a timeout it is cancelled.
+/// @param queue the client's own callback queue, worked off here and nowhere else: a client whose
+///   news come in another thread can miss those that overtake the return of sendGoal.
 /// @param cancelled asked all the time.
 /// @return result of a success; error naming the action otherwise.
 template <typename Result_, typename Client, typename Goal>
-[[nodiscard]] Result<Result_> RunGoal(Client& client, const Goal& goal, const std::string& name,
-                                      const GoalLimits& limits,
+[[nodiscard]] Result<Result_> RunGoal(Client& client, ros::CallbackQueue& queue, const Goal& goal,
+                                      const std::string& name, const GoalLimits& limits,
                                       const std::function<bool()>& cancelled) {
   using Clock = std::chrono::steady_clock;
   const auto seconds = [](double s) { return std::chrono::duration<double>(s); };
-  const auto poll = ros::WallDuration(0.02);
+  const auto work_off_news = [&queue] { queue.callAvailable(ros::WallDuration(0.02)); };
   const auto start = Clock::now();
   auto last_connected = start;
+  work_off_news();
   while (!client.isServerConnected()) {
     if (cancelled()) return Fail("{}", kCancelled);
     if (Clock::now() - start > seconds(limits.server_timeout_s)) {
       return Fail("action {} has no server within {:.3g} s: check that its node runs", name,
                   limits.server_timeout_s);
     }
-    poll.sleep();
+    work_off_news();
   }
   client.sendGoal(goal);
   const auto sent = Clock::now();
@@ -55,11 +59,11 @@ template <typename Result_, typename Client, typename Goal>
       client.cancelGoal();
       // The server gets the chance to stop before anything else is done.
       for (int i = 0; i < 100 && !client.getState().isDone() && client.isServerConnected(); ++i) {
-        poll.sleep();
+        work_off_news();
       }
       return Fail("{}", failure);
     }
-    poll.sleep();
+    work_off_news();
   }
   const auto result = client.getResult();
   const std::string state = client.getState().toString();

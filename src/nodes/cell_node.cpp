@@ -38,6 +38,11 @@ std::string IdFromTime() {
   return fmt::format("scan_{}", ros::WallTime::now().toNSec() / 1000000U);
 }
 
+ros::NodeHandle WithQueue(ros::NodeHandle nh, ros::CallbackQueue& queue) {
+  nh.setCallbackQueue(&queue);
+  return nh;
+}
+
 /// Views that are complete on disk; none if there is no scan yet.
 std::vector<int> ViewsOnDisk(const std::string& output_folder) {
   const Result<ScanFolder> scan = OpenScan(ScanFolderOf(output_folder));
@@ -67,8 +72,9 @@ CellNode::CellNode(ros::NodeHandle nh, CellNodeConfig config, std::vector<double
       joint_positions_(std::move(joint_positions)),
       num_joints_(num_joints),
       nh_(std::move(nh)),
-      move_client_(nh_, "move_to_view", /*spin_thread=*/false),
-      scan_client_(nh_, "scan_view", /*spin_thread=*/false),
+      client_nh_(WithQueue(nh_, client_queue_)),
+      move_client_(client_nh_, "move_to_view", /*spin_thread=*/false),
+      scan_client_(client_nh_, "scan_view", /*spin_thread=*/false),
       server_(
           nh_, "scan_object", [this](const ScanObjectGoalConstPtr& goal) { Execute(*goal); },
           /*auto_start=*/false) {
@@ -228,7 +234,7 @@ Status CellNode::CaptureView(Run& run, int view_id) {
     MoveToViewGoal move;
     move.joint_positions = Stop(view_id, run.job.num_views);
     const auto moved =
-        RunGoal<MoveToViewResult>(move_client_, move, "move_to_view",
+        RunGoal<MoveToViewResult>(move_client_, client_queue_, move, "move_to_view",
                                   {config_.server_timeout_s, config_.move_timeout_s}, cancelled);
     if (!moved) return tl::unexpected<Error>(moved.error());
   }
@@ -239,7 +245,7 @@ Status CellNode::CaptureView(Run& run, int view_id) {
   scan.view_id = static_cast<std::uint32_t>(view_id);
   scan.scan_folder = ScanFolderOf(run.folder);
   const auto scanned =
-      RunGoal<ScanViewResult>(scan_client_, scan, "scan_view",
+      RunGoal<ScanViewResult>(scan_client_, client_queue_, scan, "scan_view",
                               {config_.server_timeout_s, config_.view_timeout_s}, cancelled);
   if (!scanned) return tl::unexpected<Error>(scanned.error());
   tracker_.Sent(view_id);

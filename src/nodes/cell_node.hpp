@@ -112,6 +112,8 @@ class CellNode {
   ros::Subscriber status_subscriber_;
   ros::Subscriber pose_state_subscriber_;
   ros::Subscriber model_state_subscriber_;
+  ros::CallbackQueue client_queue_;  ///< of both clients
+  ros::NodeHandle client_nh_;        ///< with that queue
   actionlib::SimpleActionClient<MoveToViewAction> move_client_;
   actionlib::SimpleActionClient<ScanViewAction> scan_client_;
   std::map<std::string, Clock::time_point> missing_since_;  ///< used by CheckNodes alone
