@@ -123,6 +123,7 @@ Result<CapturedFrame> CameraNode::CaptureFrame(const Capture::Request& request) 
   if (Status status = camera_->Configure(settings.exposure_s, settings.gain); !status) {
     return tl::unexpected<Error>(status.error());
   }
+  camera_->Announce(static_cast<int>(request.view_id), static_cast<int>(request.frame_index));
   Result<CapturedFrame> frame = camera_->Capture(timeout_s);
   if (!frame) return frame;
   if (Status status = CheckDevice(*frame); !status) return tl::unexpected<Error>(status.error());

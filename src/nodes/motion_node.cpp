@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "fringe_fusion/ros_io/configs.hpp"
+#include "nodes/backends/replay_motion.hpp"
 #include "nodes/backends/sim_motion.hpp"
 
 namespace fringe_fusion::nodes {
@@ -34,6 +35,24 @@ Result<Axes> LoadAxes(const ros::NodeHandle& nh) {
   return Axes{*names, *positions};
 }
 
+Result<std::unique_ptr<Motion>> MakeMotion(const std::string& backend, const Axes& axes,
+                                           const ros::NodeHandle& private_nh) {
+  const ros::NodeHandle backend_nh(private_nh, backend);
+  if (backend == "sim") {
+    const auto config = ros_io::LoadConfig<SimMotionConfig>(backend_nh);
+    if (!config) return Forward(config);
+    return std::make_unique<SimMotion>(*config, axes.positions,
+                                       [] { return ros::SteadyTime::now().toSec(); });
+  }
+  if (backend == "replay") {
+    const auto config = ros_io::LoadConfig<ReplayMotionConfig>(backend_nh);
+    if (!config) return Forward(config);
+    return std::make_unique<ReplayMotion>(*config, axes.positions);
+  }
+  return Fail("parameter {} is '{}', must be sim or replay", private_nh.resolveName("backend"),
+              backend);
+}
+
 }  // namespace
 
 Result<std::unique_ptr<MotionNode>> MotionNode::Create(const ros::NodeHandle& nh,
@@ -42,16 +61,10 @@ Result<std::unique_ptr<MotionNode>> MotionNode::Create(const ros::NodeHandle& nh
   if (!config) return Forward(config);
   const Result<Axes> axes = LoadAxes(private_nh);
   if (!axes) return Forward(axes);
-  if (config->backend != "sim") {
-    return Fail("parameter {} is '{}', must be sim", private_nh.resolveName("backend"),
-                config->backend);
-  }
-  const auto sim = ros_io::LoadConfig<SimMotionConfig>(ros::NodeHandle(private_nh, "sim"));
-  if (!sim) return Forward(sim);
-  auto motion = std::make_unique<SimMotion>(*sim, axes->positions,
-                                            [] { return ros::SteadyTime::now().toSec(); });
+  auto motion = MakeMotion(config->backend, *axes, private_nh);
+  if (!motion) return Forward(motion);
   return std::unique_ptr<MotionNode>(
-      new MotionNode(nh, private_nh, *config, axes->names, std::move(motion)));
+      new MotionNode(nh, private_nh, *config, axes->names, std::move(*motion)));
 }
 
 MotionNode::MotionNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,

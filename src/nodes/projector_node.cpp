@@ -9,9 +9,32 @@
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
 #include "fringe_fusion/ros_io/pattern_messages.hpp"
+#include "nodes/backends/replay_projector.hpp"
 #include "nodes/backends/sim_projector.hpp"
 
 namespace fringe_fusion::nodes {
+namespace {
+
+Result<std::unique_ptr<Projector>> MakeProjector(const ProjectorNodeConfig& config,
+                                                 const CameraModel& model,
+                                                 const ros::NodeHandle& nh,
+                                                 const ros::NodeHandle& private_nh) {
+  const ros::NodeHandle backend_nh(private_nh, config.backend);
+  if (config.backend == "sim") {
+    const auto sim = ros_io::LoadConfig<SimProjectorConfig>(backend_nh);
+    if (!sim) return Forward(sim);
+    return std::make_unique<SimProjector>(nh, *sim, model.width, model.height, config.timeout_s);
+  }
+  if (config.backend == "replay") {
+    const auto replay = ros_io::LoadConfig<ReplayProjectorConfig>(backend_nh);
+    if (!replay) return Forward(replay);
+    return std::make_unique<ReplayProjector>(*replay, model, config.gamma);
+  }
+  return Fail("parameter {} is '{}', must be sim or replay", private_nh.resolveName("backend"),
+              config.backend);
+}
+
+}  // namespace
 
 Result<std::unique_ptr<ProjectorNode>> ProjectorNode::Create(const ros::NodeHandle& nh,
                                                              const ros::NodeHandle& private_nh) {
@@ -19,16 +42,13 @@ Result<std::unique_ptr<ProjectorNode>> ProjectorNode::Create(const ros::NodeHand
   if (!config) return Forward(config);
   const Result<CellCalibration> calibration = ReadCellCalibration(config->calibration_file);
   if (!calibration) return Forward(calibration);
-  if (config->backend != "sim") {
-    return Fail("parameter {} is '{}', must be sim", private_nh.resolveName("backend"),
-                config->backend);
-  }
-  const auto sim = ros_io::LoadConfig<SimProjectorConfig>(ros::NodeHandle(private_nh, "sim"));
-  if (!sim) return Forward(sim);
   const CameraModel& model = calibration->projector;
-  auto projector =
-      std::make_unique<SimProjector>(nh, *sim, model.width, model.height, config->timeout_s);
-  if (projector->Id().find(calibration->projector_serial) == std::string::npos) {
+  auto made = MakeProjector(*config, model, nh, private_nh);
+  if (!made) return Forward(made);
+  std::unique_ptr<Projector> projector = std::move(*made);
+  // A recording knows its projector once it is there, and is checked picture by picture.
+  if (config->backend != "replay" &&
+      projector->Id().find(calibration->projector_serial) == std::string::npos) {
     return Fail("{}: {} was calibrated with the projector of serial '{}'", projector->Id(),
                 config->calibration_file, calibration->projector_serial);
   }

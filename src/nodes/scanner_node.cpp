@@ -116,7 +116,7 @@ Result<ImageStack> ScannerNode::CaptureView(const ScanViewGoal& goal) {
   std::int64_t previous_ns = 0;
   for (std::size_t i = 0; i < stack.sequence.frames.size(); ++i) {
     if (Cancelled()) return Fail("{}", kCancelled);
-    Result<CapturedFrame> frame = CaptureFrame(i, previous_ns);
+    Result<CapturedFrame> frame = CaptureFrame(goal, i, previous_ns);
     if (!frame) return Forward(frame);
     previous_ns = frame->stamp_ns;
     stack.frames.push_back(std::move(*frame));
@@ -139,12 +139,13 @@ Status ScannerNode::LoadSequence() {
   return {};
 }
 
-Result<CapturedFrame> ScannerNode::CaptureFrame(std::size_t index, std::int64_t previous_ns) {
-  Result<CapturedFrame> frame = TryFrame(index, previous_ns);
+Result<CapturedFrame> ScannerNode::CaptureFrame(const ScanViewGoal& goal, std::size_t index,
+                                                std::int64_t previous_ns) {
+  Result<CapturedFrame> frame = TryFrame(goal, index, previous_ns);
   for (int retry = 1; !frame && retry <= setup_.config.max_retries && !Cancelled(); ++retry) {
     ROS_WARN_THROTTLE(5.0, "frame %zu, attempt %d of %d: %s", index, retry,
                       setup_.config.max_retries + 1, frame.error().message.c_str());
-    frame = TryFrame(index, previous_ns);
+    frame = TryFrame(goal, index, previous_ns);
   }
   if (Cancelled()) return Fail("{}", kCancelled);
   if (!frame) {
@@ -154,7 +155,8 @@ Result<CapturedFrame> ScannerNode::CaptureFrame(std::size_t index, std::int64_t 
   return frame;
 }
 
-Result<CapturedFrame> ScannerNode::TryFrame(std::size_t index, std::int64_t previous_ns) {
+Result<CapturedFrame> ScannerNode::TryFrame(const ScanViewGoal& goal, std::size_t index,
+                                            std::int64_t previous_ns) {
   ShowPattern::Request show;
   show.index = static_cast<std::uint32_t>(index);
   const auto shown = ros_io::CallService<ShowPattern>(
@@ -165,6 +167,8 @@ Result<CapturedFrame> ScannerNode::TryFrame(std::size_t index, std::int64_t prev
   capture.exposure = setup_.config.exposure_s;
   capture.gain = setup_.config.gain;
   capture.timeout = ros::Duration(setup_.config.capture_timeout_s);
+  capture.view_id = goal.view_id;
+  capture.frame_index = static_cast<std::uint32_t>(index);
   const auto captured = ros_io::CallService<Capture>(
       nh_, setup_.config.camera_node + "/capture", capture,
       setup_.config.capture_timeout_s + setup_.config.service_timeout_s);

@@ -86,8 +86,10 @@ class ScannerNode {
   /// Steps through the sequence; on_frame of the stack so far is published.
   [[nodiscard]] Result<ImageStack> CaptureView(const ScanViewGoal& goal);
   [[nodiscard]] Status LoadSequence();
-  [[nodiscard]] Result<CapturedFrame> CaptureFrame(std::size_t index, std::int64_t previous_ns);
-  [[nodiscard]] Result<CapturedFrame> TryFrame(std::size_t index, std::int64_t previous_ns);
+  [[nodiscard]] Result<CapturedFrame> CaptureFrame(const ScanViewGoal& goal, std::size_t index,
+                                                   std::int64_t previous_ns);
+  [[nodiscard]] Result<CapturedFrame> TryFrame(const ScanViewGoal& goal, std::size_t index,
+                                               std::int64_t previous_ns);
   [[nodiscard]] Status CheckFrame(const CapturedFrame& frame, std::int64_t earliest_ns,
                                   std::int64_t previous_ns) const;
   [[nodiscard]] Status WriteView(const ImageStack& stack, const std::string& folder,

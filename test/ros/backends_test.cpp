@@ -1,4 +1,4 @@
-// Device backends that need no ROS master: simulated axes and replayed frames.
+// Device backends that need no ROS master: simulated axes and recordings.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -10,6 +10,8 @@
 #include "fringe_fusion/sim/gauges.hpp"
 #include "fringe_fusion/sim/sim_cell.hpp"
 #include "nodes/backends/replay_camera.hpp"
+#include "nodes/backends/replay_motion.hpp"
+#include "nodes/backends/replay_projector.hpp"
 #include "nodes/backends/sim_motion.hpp"
 #include "nodes/truth_folder.hpp"
 
@@ -102,7 +104,7 @@ TEST(TruthFolder, MarksWhatAnyStopSaw) {
   EXPECT_FALSE(TruthFolder::Create("/proc/none", object));
 }
 
-class ReplayCameraTest : public ::testing::Test {
+class ReplayTest : public ::testing::Test {
  protected:
   void SetUp() override {
     folder_ = std::filesystem::temp_directory_path() /
@@ -111,17 +113,21 @@ class ReplayCameraTest : public ::testing::Test {
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
 
-  // Frame i is grey 10 i + 5 and stamped 1000 (i + 1) ns.
+  static PatternSequence Sequence(const std::string& fringes) {
+    PatternConfig pattern;
+    pattern.fringes = fringes;
+    pattern.axis_v = false;
+    return MakeSequence(pattern, 1280, 800).value();
+  }
+
+  // Frame i of view 3 is grey 10 i + 5 and stamped 1000 (i + 1) ns.
   void WriteScan() const {
     CellCalibration calibration = sim::DefaultCalibration();
     calibration.camera.width = 8;
     calibration.camera.height = 6;
-    PatternConfig pattern;
-    pattern.fringes = "1";
-    pattern.axis_v = false;
     ImageStack stack;
     stack.view_id = 3;
-    stack.sequence = MakeSequence(pattern, 1280, 800).value();
+    stack.sequence = Sequence("1");
     for (std::size_t i = 0; i < stack.sequence.frames.size(); ++i) {
       CapturedFrame frame;
       frame.pixels = Image<std::uint8_t>(8, 6, static_cast<std::uint8_t>(10 * i + 5));
@@ -130,36 +136,79 @@ class ReplayCameraTest : public ::testing::Test {
       stack.frames.push_back(frame);
     }
     const ScanFolder scan = CreateScan(folder_.string(), calibration, stack.sequence).value();
-    const Status written = WriteStack(scan, stack, std::nullopt, {});
+    const Status written = WriteStack(scan, stack, std::nullopt, {0.5});
     ASSERT_TRUE(written) << written.error().message;
   }
 
   std::filesystem::path folder_;
 };
 
-TEST_F(ReplayCameraTest, GivesTheFramesInTheirOrderAndBeginsAnew) {
-  ReplayCamera camera({folder_.string(), 3, true});
+TEST_F(ReplayTest, CameraGivesTheFrameThatIsAskedFor) {
+  ReplayCamera camera({folder_.string(), true});
   ASSERT_TRUE(camera.Configure(0.01, 1.0));
+  camera.Announce(3, 0);
   const Result<CapturedFrame> missing = camera.Capture(1.0);
   ASSERT_FALSE(missing);
   EXPECT_NE(missing.error().message.find(folder_.string()), std::string::npos);
   ASSERT_NO_FATAL_FAILURE(WriteScan());  // The device appears.
-  for (int i = 0; i < 13; ++i) {
+  for (const int index : {0, 1, 5, 2, 2}) {
+    camera.Announce(3, index);
     const Result<CapturedFrame> frame = camera.Capture(1.0);
     ASSERT_TRUE(frame) << frame.error().message;
-    const int index = i % 6;  // white, black, 4 phase steps
     EXPECT_EQ(std::get<Image<std::uint8_t>>(frame->pixels)(7, 5), 10 * index + 5);
     EXPECT_EQ(frame->stamp_ns, 1000 * (index + 1));
     EXPECT_EQ(frame->exposure_s, 0.01);
   }
+  camera.Announce(3, 6);  // white, black, 4 phase steps
+  EXPECT_NE(camera.Capture(1.0).error().message.find("frame 6 of view 3 must be below 6"),
+            std::string::npos);
+  camera.Announce(4, 0);
+  EXPECT_FALSE(camera.Capture(1.0));
 }
 
-TEST_F(ReplayCameraTest, StampsByTheClockWhenAsked) {
+TEST_F(ReplayTest, CameraStampsByTheClockUnlessAsked) {
   ASSERT_NO_FATAL_FAILURE(WriteScan());
-  ReplayCamera camera({folder_.string(), 3, false});
+  ReplayCamera camera({folder_.string(), false});
+  camera.Announce(3, 0);
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   EXPECT_GE(camera.Capture(1.0)->stamp_ns,
             std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+}
+
+TEST_F(ReplayTest, ProjectorRefusesWhatWasNotShown) {
+  const CameraModel model = sim::DefaultCalibration().projector;
+  ReplayProjector projector({folder_.string()}, model, 2.2);
+  const PatternSequence recorded = Sequence("1");
+  const auto show = [&](const PatternSequence& sequence, std::size_t index) {
+    return projector.Show(
+        RenderPattern(sequence.frames[index], sequence.width, sequence.height, 2.2));
+  };
+  EXPECT_FALSE(show(recorded, 0));  // Nothing is recorded yet.
+  ASSERT_NO_FATAL_FAILURE(WriteScan());
+  for (const std::size_t index : {0U, 1U, 2U, 2U, 3U, 0U, 5U}) EXPECT_TRUE(show(recorded, index));
+  const Status refused = show(Sequence("2"), 3);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("none of the 6 patterns"), std::string::npos)
+      << refused.error().message;
+  EXPECT_FALSE(projector.Show(Image<std::uint8_t>(8, 6, 255)));
+}
+
+TEST_F(ReplayTest, AxesStopWhereTheyStoodThen) {
+  ReplayMotion motion({folder_.string(), 1e-3}, {0.0});
+  EXPECT_EQ(motion.Poll()->joint_positions, std::vector<double>({0.0}));
+  EXPECT_FALSE(motion.MoveTo({0.5}));
+  ASSERT_NO_FATAL_FAILURE(WriteScan());
+  ASSERT_TRUE(motion.MoveTo({0.5002}));
+  EXPECT_EQ(motion.Poll()->joint_positions, std::vector<double>({0.5}));
+  EXPECT_TRUE(motion.Poll()->settled);
+  for (const std::vector<double>& wrong :
+       {std::vector<double>{0.502}, {0.5, 0.5}, {}, {std::numeric_limits<double>::quiet_NaN()}}) {
+    const Status refused = motion.MoveTo(wrong);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().message.find("none of its 1 views"), std::string::npos)
+        << refused.error().message;
+  }
+  EXPECT_EQ(motion.Poll()->joint_positions, std::vector<double>({0.5}));
 }
 
 TEST(CellYaml, HoldsTheSimulatedDevices) {

@@ -19,6 +19,8 @@ class Camera {
   [[nodiscard]] virtual std::string Id() const = 0;
   /// @param exposure_s > 0. @param gain >= 0, device units.
   [[nodiscard]] virtual Status Configure(double exposure_s, double gain) = 0;
+  /// What the next picture is for. Only a recording has to know, to give that very frame.
+  virtual void Announce(int /*view_id*/, int /*frame_index*/) {}
   /// Exposes once after the call and returns that very frame.
   /// @return error naming the device when no complete frame came within timeout_s.
   [[nodiscard]] virtual Result<CapturedFrame> Capture(double timeout_s) = 0;

@@ -8,7 +8,7 @@ namespace fringe_fusion::nodes {
 ReplayCamera::ReplayCamera(ReplayCameraConfig config) : config_(std::move(config)) {}
 
 std::string ReplayCamera::Id() const {
-  return fmt::format("replay of view {} in '{}' {}", config_.view_id, config_.scan, serial_);
+  return fmt::format("replay of '{}' {}", config_.scan, serial_);
 }
 
 Status ReplayCamera::Configure(double exposure_s, double gain) {
@@ -17,17 +17,30 @@ Status ReplayCamera::Configure(double exposure_s, double gain) {
   return {};
 }
 
+void ReplayCamera::Announce(int view_id, int frame_index) {
+  view_id_ = view_id;
+  frame_index_ = frame_index;
+}
+
+Status ReplayCamera::Load() {
+  if (stack_ && stack_->view_id == view_id_) return {};
+  const Result<ScanFolder> scan = OpenScan(config_.scan);
+  if (!scan) return Fail("{}: {}", Id(), scan.error().message);
+  Result<ImageStack> stack = ReadStack(*scan, view_id_);
+  if (!stack) return Fail("{}: {}", Id(), stack.error().message);
+  stack_ = std::move(*stack);
+  serial_ = scan->calibration.camera_serial;
+  return {};
+}
+
 Result<CapturedFrame> ReplayCamera::Capture(double /*timeout_s*/) {
-  if (!stack_) {
-    const Result<ScanFolder> scan = OpenScan(config_.scan);
-    if (!scan) return Fail("{}: {}", Id(), scan.error().message);
-    Result<ImageStack> stack = ReadStack(*scan, config_.view_id);
-    if (!stack) return Fail("{}: {}", Id(), stack.error().message);
-    stack_ = std::move(*stack);
-    serial_ = scan->calibration.camera_serial;
+  if (Status status = Load(); !status) return tl::unexpected<Error>(status.error());
+  const auto index = static_cast<std::size_t>(frame_index_);
+  if (frame_index_ < 0 || index >= stack_->frames.size()) {
+    return Fail("{}: frame {} of view {} must be below {}", Id(), frame_index_, view_id_,
+                stack_->frames.size());
   }
-  CapturedFrame frame = stack_->frames[next_];
-  next_ = (next_ + 1) % stack_->frames.size();
+  CapturedFrame frame = stack_->frames[index];
   if (!config_.stamps || frame.stamp_ns == 0) {
     const auto now = std::chrono::system_clock::now().time_since_epoch();
     frame.stamp_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
