@@ -1,5 +1,6 @@
 #include <Eigen/Geometry>
 #include <cmath>
+#include <numeric>
 
 #include "fringe_fusion/sim/sim_cell.hpp"
 
@@ -17,6 +18,35 @@ Transform LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target,
   T.linear() << right, forward.cross(right), forward;
   T.translation() = eye;
   return T;
+}
+
+struct CaptureSettings {
+  double gamma_correction = 1.0;
+  double exposure_s = 0.0;
+  int view_id = 0;
+};
+
+Result<ImageStack> Capture(SimCell& cell, const PatternSequence& sequence,
+                           const std::vector<int>& shown, const CaptureSettings& settings) {
+  if (const Status status = Validate(sequence, "simulated capture"); !status) {
+    return tl::unexpected<Error>(status.error());
+  }
+  ImageStack stack;
+  stack.view_id = settings.view_id;
+  stack.camera_id = cell.calibration().camera_serial;
+  stack.sequence = sequence;
+  Pattern black;
+  black.kind = PatternKind::kBlack;
+  for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
+    const Pattern& pattern =
+        shown[i] < 0 ? black : sequence.frames[static_cast<std::size_t>(shown[i])];
+    const Image<std::uint8_t> picture =
+        RenderPattern(pattern, sequence.width, sequence.height, settings.gamma_correction);
+    Result<CapturedFrame> frame = cell.Expose(picture, settings.exposure_s, static_cast<int>(i));
+    if (!frame) return Forward(frame);
+    stack.frames.push_back(std::move(*frame));
+  }
+  return stack;
 }
 
 }  // namespace
@@ -85,21 +115,25 @@ Matrix6d PoseErrorCovariance(const SimConfig& config, const Transform& T_object_
 
 Result<ImageStack> CaptureStack(SimCell& cell, const PatternSequence& sequence,
                                 double gamma_correction, double exposure_s, int view_id) {
-  if (const Status status = Validate(sequence, "simulated capture"); !status) {
-    return tl::unexpected<Error>(status.error());
+  std::vector<int> shown(sequence.frames.size());
+  std::iota(shown.begin(), shown.end(), 0);
+  return Capture(cell, sequence, shown, {gamma_correction, exposure_s, view_id});
+}
+
+Result<ImageStack> CaptureMisordered(SimCell& cell, const PatternSequence& sequence,
+                                     const std::vector<int>& shown, double exposure_s,
+                                     int view_id) {
+  const auto last = static_cast<int>(sequence.frames.size()) - 1;
+  for (const int pattern : shown) {
+    if (pattern < -1 || pattern > last) {
+      return Fail("simulated capture: shown pattern {} is outside [-1, {}]", pattern, last);
+    }
   }
-  ImageStack stack;
-  stack.view_id = view_id;
-  stack.camera_id = cell.calibration().camera_serial;
-  stack.sequence = sequence;
-  for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
-    const Image<std::uint8_t> picture =
-        RenderPattern(sequence.frames[i], sequence.width, sequence.height, gamma_correction);
-    Result<CapturedFrame> frame = cell.Expose(picture, exposure_s, static_cast<int>(i));
-    if (!frame) return Forward(frame);
-    stack.frames.push_back(std::move(*frame));
+  if (shown.size() != sequence.frames.size()) {
+    return Fail("simulated capture: {} shown patterns for {} frames", shown.size(),
+                sequence.frames.size());
   }
-  return stack;
+  return Capture(cell, sequence, shown, {1.0, exposure_s, view_id});
 }
 
 }  // namespace fringe_fusion::sim

@@ -65,6 +65,19 @@ float ProjectedLight::Bilinear(const Image<float>& light, float u, float v) {
   return above + fy * (below - above);
 }
 
+Image<std::uint8_t> ScalePicture(const Image<std::uint8_t>& picture, double scale) {
+  if (scale == 1.0) return picture;
+  Image<std::uint8_t> panel(picture.width(), picture.height());
+  const cv::Mat in(picture.height(), picture.width(), CV_8U,
+                   const_cast<std::uint8_t*>(picture.data()));
+  cv::Mat out(picture.height(), picture.width(), CV_8U, panel.data());
+  // Pixel centres: panel = scale (picture + 1/2) - 1/2.
+  const double shift = 0.5 * scale - 0.5;
+  const cv::Matx23d panel_picture(scale, 0.0, shift, 0.0, scale, shift);
+  cv::warpAffine(in, out, panel_picture, out.size(), cv::INTER_LINEAR, cv::BORDER_CONSTANT);
+  return panel;
+}
+
 double DefocusVariance(const SimConfig& config, double depth_m) {
   if (!(config.projector_focus_m > 0.0) || !(depth_m > 0.0)) return 0.0;
   const double sigma_px =

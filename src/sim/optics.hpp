@@ -35,6 +35,10 @@ class ProjectedLight {
   std::vector<Image<float>> levels_;
 };
 
+/// The picture as a panel of the same size shows it when one picture pixel covers `scale` panel
+/// pixels from the upper left corner: what lies beyond is lost, what is missing is black.
+[[nodiscard]] Image<std::uint8_t> ScalePicture(const Image<std::uint8_t>& picture, double scale);
+
 /// Variance of the defocus blur at a depth in front of the projector [px^2].
 [[nodiscard]] double DefocusVariance(const SimConfig& config, double depth_m);
 

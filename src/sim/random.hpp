@@ -12,7 +12,14 @@ namespace fringe_fusion::sim {
 // (constants of the mixing function by Stafford, variant 13).
 
 /// What a random stream decides; keeps streams of equal indices apart.
-enum class RandomUse : std::uint64_t { kPixelNoise = 1, kPoseError, kVibration, kFault, kGather };
+enum class RandomUse : std::uint64_t {
+  kPixelNoise = 1,
+  kPoseError,
+  kVibration,
+  kFault,
+  kGather,
+  kLight
+};
 
 /// Bijective mixing of 64 bits.
 inline std::uint64_t MixBits(std::uint64_t bits) {

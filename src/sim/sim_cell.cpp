@@ -13,7 +13,21 @@
 namespace fringe_fusion::sim {
 namespace {
 
-constexpr double kRadPerDeg = 3.14159265358979323846 / 180.0;
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kRadPerDeg = kPi / 180.0;
+
+// Light sources during one exposure, relative to their mean.
+struct FrameLight {
+  double projector = 1.0;
+  double ambient = 1.0;
+};
+
+// Mean of 1 + ratio sin(2 pi hz t + phase) over an exposure about `middle_s`.
+double MeanLight(double ratio, double hz, double phase_rad, double middle_s, double exposure_s) {
+  if (!(ratio > 0.0)) return 1.0;
+  const double half = kPi * hz * exposure_s;
+  return 1.0 + ratio * std::sin(half) / half * std::sin(2.0 * kPi * hz * middle_s + phase_rad);
+}
 
 // What the axes do wrong at one stop: T_object_camera = PoseError * commanded * arm error.
 Transform AddPoseError(const SimConfig& config, const Transform& commanded, int pose_index) {
@@ -64,8 +78,10 @@ struct SimCell::Impl {
     Cast(shaken);
   }
 
-  [[nodiscard]] Image<float> Radiance(const Image<std::uint8_t>& projected) const;
+  [[nodiscard]] Image<float> Radiance(const Image<std::uint8_t>& projected,
+                                      const FrameLight& light) const;
   [[nodiscard]] std::int64_t StampNs(double exposure_s, int frame_index) const;
+  [[nodiscard]] FrameLight LightOfFrame(double exposure_s, int frame_index) const;
   [[nodiscard]] Status CheckExposure(const Image<std::uint8_t>& projected, double exposure_s) const;
 
   [[nodiscard]] bool Fault(std::uint64_t kind, double probability, int frame_index) const {
@@ -84,18 +100,21 @@ struct SimCell::Impl {
   std::optional<FramePixels> previous;
 };
 
-Image<float> SimCell::Impl::Radiance(const Image<std::uint8_t>& projected) const {
+Image<float> SimCell::Impl::Radiance(const Image<std::uint8_t>& projected,
+                                     const FrameLight& frame_light) const {
   const float max_defocus = view.max_defocus_px2;
-  const ProjectedLight light(config, projected, static_cast<double>(max_defocus));
+  const ProjectedLight light(config, ScalePicture(projected, config.panel_scale),
+                             static_cast<double>(max_defocus));
   Image<float> irradiance;
   if (config.interreflection) irradiance = bounce.Irradiance(light, max_defocus);
-  const auto ambient = static_cast<float>(config.ambient_ratio);
+  const auto ambient = static_cast<float>(config.ambient_ratio * frame_light.ambient);
+  const auto gain = static_cast<float>(frame_light.projector);
   const auto shade = [&](const SurfaceSample& sample, std::size_t pixel) {
-    const float indirect = ambient + (irradiance.empty() ? 0.0F : irradiance[pixel]);
+    const float indirect = ambient + (irradiance.empty() ? 0.0F : gain * irradiance[pixel]);
     const float reflected = sample.albedo * indirect;
     if (!sample.lit) return reflected;
     const float level = ProjectedLight::Level(sample.defocus_px2, max_defocus);
-    return reflected + sample.direct * light.Sample(sample.u, sample.v, level);
+    return reflected + gain * sample.direct * light.Sample(sample.u, sample.v, level);
   };
   Image<float> radiance(view.centers.width(), view.centers.height());
   ParallelFor(static_cast<int>(radiance.size()), 16384, [&](int begin, int end) {
@@ -123,6 +142,18 @@ std::int64_t SimCell::Impl::StampNs(double exposure_s, int frame_index) const {
   double frames = 1000.0 * pose_index + frame_index + 0.5;
   if (Fault(2, config.late_probability, frame_index)) frames += 1.5;
   return std::llround(1e9 * period_s * frames);
+}
+
+FrameLight SimCell::Impl::LightOfFrame(double exposure_s, int frame_index) const {
+  const double period_s = std::max(config.frame_period_s, exposure_s);
+  const double middle_s = period_s * (1000.0 * pose_index + frame_index + 0.5);
+  const RandomStream random(RandomUse::kLight, {config.seed});
+  FrameLight light;
+  light.projector = MeanLight(config.projector_ripple_ratio, config.projector_frame_hz,
+                              2.0 * kPi * random.Uniform(0), middle_s, exposure_s);
+  light.ambient = MeanLight(config.ambient_flicker_ratio, config.ambient_flicker_hz,
+                            2.0 * kPi * random.Uniform(1), middle_s, exposure_s);
+  return light;
 }
 
 Status SimCell::Impl::CheckExposure(const Image<std::uint8_t>& projected, double exposure_s) const {
@@ -187,8 +218,9 @@ Result<CapturedFrame> SimCell::Expose(const Image<std::uint8_t>& projected, doub
   }
   impl_->Shake(frame_index);
   const RandomStream noise(RandomUse::kPixelNoise, {config.seed, impl_->pose_index, frame_index});
-  frame.pixels = sim::Expose(config, impl_->Radiance(projected),
-                             exposure_s / config.exposure_reference_s, noise);
+  frame.pixels =
+      sim::Expose(config, impl_->Radiance(projected, impl_->LightOfFrame(exposure_s, frame_index)),
+                  exposure_s / config.exposure_reference_s, noise);
   if (config.duplicate_probability > 0.0) impl_->previous = frame.pixels;
   return frame;
 }

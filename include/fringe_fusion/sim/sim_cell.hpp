@@ -24,13 +24,18 @@ struct SimConfig {
   double projector_blur_px = 0.0;      ///< Gaussian sigma at all depths [projector px]; 0: off
   double projector_focus_m = 0.0;      ///< focused distance; 0: no defocus
   double projector_defocus_px_m = 0.0;  ///< extra blur sigma [px] = this |1/z - 1/focus|
+  double projector_ripple_ratio = 0.0;  ///< peak variation of its light within a frame; 0: off
+  double projector_frame_hz = 60.0;     ///< an exposure of whole frames does not see the ripple
+  double panel_scale = 1.0;  ///< panel px per picture px from the upper left corner; 1: off
   // Surface.
   double albedo = 0.7;
   double texture_contrast = 0.0;  ///< solid checker texture of the albedo; 0: uniform
   double texture_period_m = 0.01;
   double specular_ratio = 0.0;  ///< Blinn-Phong lobe, share of the albedo; 0: off
   double specular_exponent = 30.0;
-  double ambient_ratio = 0.0;    ///< ambient radiance, share of a white projector; 0: off
+  double ambient_ratio = 0.0;          ///< ambient radiance, share of a white projector; 0: off
+  double ambient_flicker_ratio = 0.0;  ///< peak variation of the ambient light; 0: off
+  double ambient_flicker_hz = 100.0;
   bool interreflection = false;  ///< one diffuse bounce
   // Camera: radiance -> grey value. exposure 1 brings a frontal white Lambert surface of albedo 1
   // at the nominal distance to `white_level_ratio` of full scale. Nominal distance: from the
@@ -61,12 +66,17 @@ struct SimConfig {
     field("projector_blur_px", projector_blur_px, 0.0, 100.0);
     field("projector_focus_m", projector_focus_m, 0.0, 100.0);
     field("projector_defocus_px_m", projector_defocus_px_m, 0.0, 1000.0);
+    field("projector_ripple_ratio", projector_ripple_ratio, 0.0, 1.0);
+    field("projector_frame_hz", projector_frame_hz, 1e-3, 1e6);
+    field("panel_scale", panel_scale, 0.1, 10.0);
     field("albedo", albedo, 0.0, 1.0);
     field("texture_contrast", texture_contrast, 0.0, 1.0);
     field("texture_period_m", texture_period_m, 1e-5, 10.0);
     field("specular_ratio", specular_ratio, 0.0, 100.0);
     field("specular_exponent", specular_exponent, 1.0, 10000.0);
     field("ambient_ratio", ambient_ratio, 0.0, 10.0);
+    field("ambient_flicker_ratio", ambient_flicker_ratio, 0.0, 1.0);
+    field("ambient_flicker_hz", ambient_flicker_hz, 1e-3, 1e6);
     field("interreflection", interreflection);
     field("white_level_ratio", white_level_ratio, 0.0, 100.0);
     field("camera_blur_px", camera_blur_px, 0.0, 100.0);
@@ -139,6 +149,13 @@ class SimCell {
 [[nodiscard]] Result<ImageStack> CaptureStack(SimCell& cell, const PatternSequence& sequence,
                                               double gamma_correction, double exposure_s,
                                               int view_id);
+
+/// Captures a sequence whose pictures come at the wrong time: frame i shows pattern shown[i].
+/// A shown pattern of -1 is black. Noise, vibration and light are those of frame i.
+/// @param shown one entry per frame.
+[[nodiscard]] Result<ImageStack> CaptureMisordered(SimCell& cell, const PatternSequence& sequence,
+                                                   const std::vector<int>& shown, double exposure_s,
+                                                   int view_id);
 
 /// Covariance of the pose errors of `config` as that of the right perturbation of a pose: what an
 /// honest prior of the commanded pose states.

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "fringe_fusion/capture/image_stack.hpp"
+#include "fringe_fusion/common/image.hpp"
+#include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/diagnosis/diagnosis_config.hpp"
+#include "fringe_fusion/pattern/pattern_sequence.hpp"
+#include "fringe_fusion/phase/phase_map.hpp"
+
+namespace fringe_fusion {
+
+/// Light that the camera sees for every 8-bit value sent to the projector, relative to black (0)
+/// and white (1); rising.
+struct ResponseCurve {
+  std::array<double, 256> light{};
+  double gamma = 1.0;           ///< of the power law nearest to it
+  double gamma_residual = 0.0;  ///< rms distance from that power law
+};
+
+/// The curve (value / 255)^gamma.
+[[nodiscard]] ResponseCurve PowerResponse(double gamma);
+
+/// Response from a grey ramp: pictures of one value each, seen by the camera. Pixels are weighted
+/// by their light; saturated ones are left out; the curve between the values is interpolated.
+/// @param values 0..255 rising, the first 0 and the last 255. @param frames one per value.
+/// @return error when the counts differ, frames differ in size, or no pixel sees the projector.
+[[nodiscard]] Result<ResponseCurve> MeasureResponse(const std::vector<int>& values,
+                                                    const std::vector<CapturedFrame>& frames);
+
+/// Response from an ordinary scan without extra frames: the grey values of the coarser sets against
+/// the phase that the next finer set gives, between black and white.
+/// @return error when there is no white, black or phase set, or too few pixels see the projector.
+[[nodiscard]] Result<ResponseCurve> ResponseFromScan(const ImageStack& stack,
+                                                     const DiagnosisConfig& config);
+
+/// B_k / B_1 of a cosine of full swing that went through the response, k = 0 .. count - 1.
+/// Ref: science section 2.2.
+[[nodiscard]] std::vector<double> Harmonics(const ResponseCurve& response, int count);
+
+/// Error of the measured phase of an N-step set under a response, as a function of that phase.
+struct PhaseLut {
+  std::vector<double> error_rad;  ///< at measured phases 2 pi i / size
+};
+[[nodiscard]] PhaseLut MakePhaseLut(const ResponseCurve& response, int steps);
+/// @return the true phase of a measured one, both in (-pi, pi].
+[[nodiscard]] double CorrectPhase(const PhaseLut& lut, double phase_rad);
+/// Largest |error| [rad]: about |b_{N-1} - b_{N+1}|. Ref: science section 2.2.
+[[nodiscard]] double PhaseRipple(const ResponseCurve& response, int steps);
+
+/// Least N whose ripple stays below a third of the phase noise sqrt(2 / N) noise_ratio.
+/// @param noise_ratio sigma_I / B. @param max_steps at least 3.
+/// @return error naming the ripple left at max_steps: then correct the response.
+/// Ref: science section 2.2.
+[[nodiscard]] Result<int> ChooseSteps(const ResponseCurve& response, double noise_ratio,
+                                      int max_steps);
+
+/// Value to send for each wanted light v / 255, so that the light is proportional to v.
+[[nodiscard]] std::array<std::uint8_t, 256> InverseLut(const ResponseCurve& response);
+
+/// The picture of one pattern with the response undone, rounded once, to the nearest light.
+[[nodiscard]] Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width,
+                                                         int height, const ResponseCurve& response);
+
+/// Undoes after capture what the response did to decoded coordinates: every set's phase error,
+/// weighted as the sets were fused (inverse variance, f^2 N).
+/// @param map decoded from `sequence` without correction.
+[[nodiscard]] PhaseMap CorrectResponse(PhaseMap map, const PatternSequence& sequence,
+                                       const ResponseCurve& response);
+
+/// One N-step set of a plane whose phase is known otherwise, e.g. from a Gray code.
+struct GammaSet {
+  std::vector<CapturedFrame> frames;  ///< step n in frames[n]
+  Image<float> phase_rad;             ///< true phase; NaN: unknown
+};
+/// Sets that were projected with one pattern gamma: value = 255 light^(1 / pattern_gamma).
+struct GammaTrial {
+  double pattern_gamma = 1.0;
+  std::vector<GammaSet> sets;
+};
+struct GammaEstimate {
+  double gamma = 1.0;
+  std::vector<double> exponents;  ///< per trial: power of the grey values of least phase error
+};
+/// Gamma of projector and camera together from sets with two or more pattern gammas: for each the
+/// power that has to be applied to the captured values for the least phase error; it is linear in
+/// the pattern gamma, and 1 at the gamma looked for.
+/// @return error with fewer than two different pattern gammas, sizes that differ, no known phase,
+/// or a power that does not depend on the pattern gamma.
+/// Ref: Hoang, Pan, Nguyen, Wang, "Generic gamma correction for accuracy enhancement in
+/// fringe-projection profilometry", Optics Letters 35(12), 2010.
+[[nodiscard]] Result<GammaEstimate> EstimateGamma(const std::vector<GammaTrial>& trials);
+
+}  // namespace fringe_fusion

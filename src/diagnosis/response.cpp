@@ -1,0 +1,283 @@
+#include "fringe_fusion/diagnosis/response.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "response_bins.hpp"
+#include "stack_sampling.hpp"
+
+namespace fringe_fusion {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kRampSamples = 200000;
+constexpr double kSaturationRatio = 0.98;
+
+// Light in a cosine pattern of full swing at phase theta.
+double Cosine(double theta_rad) { return 0.5 + 0.5 * std::cos(theta_rad); }
+
+double Evaluate(const ResponseCurve& response, double light) {
+  const double value = 255.0 * std::clamp(light, 0.0, 1.0);
+  const auto low = std::min(static_cast<std::size_t>(value), std::size_t{254});
+  const double part = value - static_cast<double>(low);
+  return response.light[low] + part * (response.light[low + 1] - response.light[low]);
+}
+
+// Power law nearest to the curve: Gauss-Newton on the sum of (light - x^gamma)^2.
+void FitGamma(ResponseCurve& response) {
+  double gamma = 1.0;
+  double squares = 0.0;
+  for (int iteration = 0; iteration < 50; ++iteration) {
+    double normal = 0.0;
+    double right = 0.0;
+    squares = 0.0;
+    for (int i = 1; i < 255; ++i) {
+      const double x = i / 255.0;
+      const double model = std::pow(x, gamma);
+      const double slope = model * std::log(x);
+      const double rest = response.light[static_cast<std::size_t>(i)] - model;
+      normal += slope * slope;
+      right += slope * rest;
+      squares += rest * rest;
+    }
+    const double step = std::clamp(right / normal, -0.5, 0.5);
+    gamma = std::clamp(gamma + step, 0.05, 20.0);
+    if (std::abs(step) < 1e-12) break;
+  }
+  response.gamma = gamma;
+  response.gamma_residual = std::sqrt(squares / 254.0);
+}
+
+// Black and white of every usable pixel of a ramp, as weights.
+struct RampPixels {
+  Image<float> black;
+  Image<float> span;  ///< 0: left out
+};
+
+RampPixels FindRampPixels(const diagnosis::SampledStack& stack) {
+  RampPixels pixels{stack.frames.front(), Image<float>(stack.width(), stack.height())};
+  const Image<float>& white = stack.frames.back();
+  float brightest = 0.0F;
+  for (std::size_t i = 0; i < stack.size(); ++i) {
+    pixels.span[i] = white[i] - pixels.black[i];
+    if (white[i] > static_cast<float>(kSaturationRatio) * stack.full_scale_dn) pixels.span[i] = 0;
+    brightest = std::max(brightest, pixels.span[i]);
+  }
+  for (float& span : pixels.span) {
+    if (!(span > 0.25F * brightest)) span = 0.0F;
+  }
+  return pixels;
+}
+
+Status CheckRamp(const std::vector<int>& values, const std::vector<CapturedFrame>& frames) {
+  if (values.size() != frames.size() || values.size() < 3) {
+    return Fail("response: {} values and {} frames, needs the same number, at least 3",
+                values.size(), frames.size());
+  }
+  if (values.front() != 0 || values.back() != 255 ||
+      std::adjacent_find(values.begin(), values.end(), std::greater_equal<>()) != values.end()) {
+    return Fail("response: values {} must rise from 0 to 255", fmt::join(values, ","));
+  }
+  return {};
+}
+
+}  // namespace
+
+ResponseCurve PowerResponse(double gamma) {
+  ResponseCurve response;
+  for (std::size_t i = 0; i < 256; ++i) {
+    response.light[i] = std::pow(static_cast<double>(i) / 255.0, gamma);
+  }
+  response.gamma = gamma;
+  return response;
+}
+
+Result<ResponseCurve> MeasureResponse(const std::vector<int>& values,
+                                      const std::vector<CapturedFrame>& frames) {
+  if (Status status = CheckRamp(values, frames); !status) {
+    return tl::unexpected<Error>(status.error());
+  }
+  ImageStack ramp;
+  ramp.frames = frames;
+  const auto stack = diagnosis::SampleStack(ramp, kRampSamples);
+  if (!stack) return Forward(stack);
+  const RampPixels pixels = FindRampPixels(*stack);
+  diagnosis::ResponseBins bins;
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    for (std::size_t i = 0; i < stack->size(); ++i) {
+      bins.Add(values[k] / 255.0, static_cast<double>(stack->frames[k][i] - pixels.black[i]),
+               static_cast<double>(pixels.span[i]));
+    }
+  }
+  Result<ResponseCurve> response = bins.Curve();
+  if (response) FitGamma(*response);
+  return response;
+}
+
+Result<ResponseCurve> ResponseFromScan(const ImageStack& stack, const DiagnosisConfig& config) {
+  Status status = CheckBounds(config, "diagnosis");
+  if (status) status = Validate(stack, "response");
+  if (!status) return tl::unexpected<Error>(status.error());
+  const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
+  if (!sampled) return Forward(sampled);
+  const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(stack.sequence);
+  Result<ResponseCurve> response = diagnosis::CollectResponse(*sampled, plan).Curve();
+  if (response) FitGamma(*response);
+  return response;
+}
+
+std::vector<double> Harmonics(const ResponseCurve& response, int count) {
+  constexpr int kSamples = 4096;
+  std::vector<double> harmonics(static_cast<std::size_t>(std::max(count, 2)), 0.0);
+  for (int i = 0; i < kSamples; ++i) {
+    const double theta = 2.0 * kPi * (i + 0.5) / kSamples;
+    const double light = Evaluate(response, Cosine(theta));
+    for (std::size_t k = 0; k < harmonics.size(); ++k) {
+      harmonics[k] += light * std::cos(static_cast<double>(k) * theta);
+    }
+  }
+  const double first = harmonics[1];
+  for (double& harmonic : harmonics) harmonic /= first;
+  harmonics[0] *= 0.5;  // the mean, not an amplitude
+  harmonics.resize(static_cast<std::size_t>(std::max(count, 0)));
+  return harmonics;
+}
+
+PhaseLut MakePhaseLut(const ResponseCurve& response, int steps) {
+  constexpr int kSize = 1024;
+  // Measured phase of each true one, then the table turned round.
+  std::vector<double> error(kSize);
+  for (int i = 0; i < kSize; ++i) {
+    const double phase = 2.0 * kPi * i / kSize;
+    double sine = 0.0;
+    double cosine = 0.0;
+    for (int n = 0; n < steps; ++n) {
+      const double delta = 2.0 * kPi * n / steps;
+      const double light = Evaluate(response, Cosine(phase - delta));
+      sine += light * std::sin(delta);
+      cosine += light * std::cos(delta);
+    }
+    error[static_cast<std::size_t>(i)] = std::remainder(std::atan2(sine, cosine) - phase, 2 * kPi);
+  }
+  const auto at = [&](double phase) {
+    const double place = phase / (2.0 * kPi) * kSize;
+    const double low = std::floor(place);
+    const auto index = static_cast<std::size_t>(((static_cast<int>(low) % kSize) + kSize) % kSize);
+    const double part = place - low;
+    return error[index] + part * (error[(index + 1) % kSize] - error[index]);
+  };
+  PhaseLut lut;
+  lut.error_rad.resize(kSize);
+  for (int i = 0; i < kSize; ++i) {
+    const double measured = 2.0 * kPi * i / kSize;
+    double truth = measured;
+    // Fixed point: the error changes far slower than the phase.
+    for (int iteration = 0; iteration < 50; ++iteration) truth = measured - at(truth);
+    lut.error_rad[static_cast<std::size_t>(i)] = measured - truth;
+  }
+  return lut;
+}
+
+double CorrectPhase(const PhaseLut& lut, double phase_rad) {
+  const auto size = static_cast<int>(lut.error_rad.size());
+  const double place = phase_rad / (2.0 * kPi) * size;
+  const double low = std::floor(place);
+  const auto index = static_cast<std::size_t>(((static_cast<int>(low) % size) + size) % size);
+  const double next = lut.error_rad[(index + 1) % lut.error_rad.size()];
+  const double error = lut.error_rad[index] + (place - low) * (next - lut.error_rad[index]);
+  return std::remainder(phase_rad - error, 2.0 * kPi);
+}
+
+double PhaseRipple(const ResponseCurve& response, int steps) {
+  const PhaseLut lut = MakePhaseLut(response, steps);
+  double largest = 0.0;
+  for (const double error : lut.error_rad) largest = std::max(largest, std::abs(error));
+  return largest;
+}
+
+Result<int> ChooseSteps(const ResponseCurve& response, double noise_ratio, int max_steps) {
+  if (!(noise_ratio > 0.0) || !std::isfinite(noise_ratio) || max_steps < 3) {
+    return Fail("steps: noise ratio {} must be positive and max_steps {} at least 3", noise_ratio,
+                max_steps);
+  }
+  double ripple = 0.0;
+  for (int steps = 3; steps <= max_steps; ++steps) {
+    ripple = PhaseRipple(response, steps);
+    if (ripple < std::sqrt(2.0 / steps) * noise_ratio / 3.0) return steps;
+  }
+  return Fail("steps: gamma {:.2f} leaves a ripple of {:.4f} rad at {} steps, limit {:.4f} rad",
+              response.gamma, ripple, max_steps, std::sqrt(2.0 / max_steps) * noise_ratio / 3.0);
+}
+
+std::array<std::uint8_t, 256> InverseLut(const ResponseCurve& response) {
+  std::array<std::uint8_t, 256> lut{};
+  for (std::size_t wanted = 0; wanted < 256; ++wanted) {
+    const double light = static_cast<double>(wanted) / 255.0;
+    const auto above = std::lower_bound(response.light.begin(), response.light.end(), light);
+    auto value = static_cast<std::size_t>(above - response.light.begin());
+    value = std::min(value, std::size_t{255});
+    if (value > 0 && light - response.light[value - 1] < response.light[value] - light) --value;
+    lut[wanted] = static_cast<std::uint8_t>(value);
+  }
+  return lut;
+}
+
+Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width, int height,
+                                           const ResponseCurve& response) {
+  Image<std::uint8_t> picture = RenderPattern(pattern, width, height, 1.0);
+  if (pattern.kind != PatternKind::kPhase) return picture;  // black and white stay what they are
+  const bool along_u = pattern.axis == Axis::kU;
+  const int size = along_u ? width : height;
+  std::vector<std::uint8_t> line(static_cast<std::size_t>(size));
+  for (int i = 0; i < size; ++i) {
+    const double phase = pattern.phase_sign * (2.0 * kPi * pattern.fringes * (i + 0.5) / size +
+                                               pattern.phase_offset_rad);
+    const double light = Cosine(phase - 2.0 * kPi * pattern.step / pattern.steps);
+    const auto above = std::lower_bound(response.light.begin(), response.light.end(), light);
+    auto value =
+        std::min(static_cast<std::size_t>(above - response.light.begin()), std::size_t{255});
+    if (value > 0 && light - response.light[value - 1] < response.light[value] - light) --value;
+    line[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(value);
+  }
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      picture(x, y) = line[static_cast<std::size_t>(along_u ? x : y)];
+    }
+  }
+  return picture;
+}
+
+PhaseMap CorrectResponse(PhaseMap map, const PatternSequence& sequence,
+                         const ResponseCurve& response) {
+  const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(sequence);
+  for (const Axis axis : {Axis::kU, Axis::kV}) {
+    Image<float>& coordinate = axis == Axis::kU ? map.u : map.v;
+    std::vector<const diagnosis::StepSet*> sets;
+    std::vector<PhaseLut> luts;
+    double total = 0.0;
+    for (const diagnosis::StepSet& set : plan.sets) {
+      if (set.axis != axis) continue;
+      sets.push_back(&set);
+      luts.push_back(MakePhaseLut(response, static_cast<int>(set.frame_of_step.size())));
+      total += set.fringes * set.fringes * static_cast<double>(set.frame_of_step.size());
+    }
+    for (float& value : coordinate) {
+      double correction_px = 0.0;
+      for (std::size_t s = 0; s < sets.size(); ++s) {
+        const diagnosis::StepSet& set = *sets[s];
+        const double rad_per_px = 2.0 * kPi * set.fringes / set.size_px;
+        const double phase =
+            set.sign * (rad_per_px * (static_cast<double>(value) + 0.5) + set.offset_rad);
+        const double error = std::remainder(phase - CorrectPhase(luts[s], phase), 2.0 * kPi);
+        const double weight =
+            set.fringes * set.fringes * static_cast<double>(set.frame_of_step.size()) / total;
+        correction_px += weight * set.sign * error / rad_per_px;
+      }
+      value -= static_cast<float>(correction_px);
+    }
+  }
+  return map;
+}
+
+}  // namespace fringe_fusion
