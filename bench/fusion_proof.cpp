@@ -1,0 +1,209 @@
+// The fusion against exact truth. Subcommands (lengths in metres):
+//   run    OBJECT SIGMA [VOXEL [ORDER]]  renders, fuses, judges, prints one row of the table
+//   export OBJECT SIGMA FOLDER           writes the views (PLY, poses.conf, camera.txt) for others
+//   judge  OBJECT SIGMA MESH NAME S MB   judges a mesh made elsewhere, prints one row
+// OBJECT is a name of proof_objects.hpp or a mesh file in metres.
+
+#include <sys/resource.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <limits>
+
+#include "bench/proof_objects.hpp"
+#include "fringe_fusion/common/parallel.hpp"
+#include "fringe_fusion/inspection/surface_distance.hpp"
+#include "fringe_fusion/io/file.hpp"
+#include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/poses_conf.hpp"
+#include "fringe_fusion/surface/fuse_views.hpp"
+#include "fringe_fusion/triangulation/point_spacing.hpp"
+
+namespace fringe_fusion::bench {
+namespace {
+
+constexpr double kFarM = 0.0015;       // area farther from the truth counts as stray
+constexpr double kCompleteM = 0.0005;  // truth nearer to the model counts as covered
+constexpr std::size_t kNumPoints = 200000;
+
+struct Figures {
+  double seen_mm = 0.0;      // mean distance truth to model, seen part
+  double seen95_mm = 0.0;    // 95 % of it
+  double complete = 0.0;     // share of the seen part within kCompleteM
+  double unseen_mm = 0.0;    // mean, unseen part
+  double back_mm = 0.0;      // mean distance model to truth
+  double stray = 0.0;        // share of the model's area beyond kFarM
+  double sigma_ratio = 0.0;  // rms of vertex error over stated sigma, vertices within kFarM
+};
+
+std::vector<double> Distances(const SurfaceDistance& surface,
+                              const std::vector<Eigen::Vector3d>& points) {
+  std::vector<double> distances(points.size());
+  ParallelFor(static_cast<int>(points.size()), 1024, [&](int begin, int end) {
+    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+      const auto nearest = surface.Nearest(points[i], 1.0);
+      distances[i] =
+          nearest ? std::abs(nearest->distance_m) : std::numeric_limits<double>::infinity();
+    }
+  });
+  return distances;
+}
+
+double Mean(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value;
+  return sum / static_cast<double>(values.size());
+}
+
+double Share(const std::vector<double>& values, double limit) {
+  const auto above =
+      std::count_if(values.begin(), values.end(), [&](double value) { return !(value <= limit); });
+  return static_cast<double>(above) / static_cast<double>(values.size());
+}
+
+double SigmaRatio(const Mesh& model, const SurfaceDistance& truth) {
+  if (model.sigma.empty()) return std::numeric_limits<double>::quiet_NaN();
+  std::vector<Eigen::Vector3d> vertices;
+  for (const Eigen::Vector3f& vertex : model.vertices) vertices.push_back(vertex.cast<double>());
+  const std::vector<double> errors = Distances(truth, vertices);
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < errors.size(); ++i) {
+    if (!(errors[i] < kFarM)) continue;
+    sum += std::pow(errors[i] / static_cast<double>(model.sigma[i]), 2);
+    ++count;
+  }
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
+Result<Figures> Judge(const ProofScene& scene, const Mesh& model) {
+  const Result<SurfaceDistance> to_model = SurfaceDistance::Create(model);
+  if (!to_model) return Forward(to_model);
+  const Result<SurfaceDistance> to_truth = SurfaceDistance::Create(scene.truth);
+  if (!to_truth) return Forward(to_truth);
+  const SurfacePoints truth_points = SpreadPoints(scene.truth, kNumPoints);
+  const auto is_seen = SeenPoints(scene, truth_points);
+  if (!is_seen) return Forward(is_seen);
+  const std::vector<double> distances = Distances(*to_model, truth_points.points);
+  std::vector<double> seen;
+  std::vector<double> unseen;
+  for (std::size_t i = 0; i < distances.size(); ++i) {
+    ((*is_seen)[i] ? seen : unseen).push_back(distances[i]);
+  }
+  Figures figures;
+  figures.seen_mm = 1e3 * Mean(seen);
+  figures.complete = 1.0 - Share(seen, kCompleteM);
+  figures.unseen_mm = 1e3 * Mean(unseen);
+  const auto at95 = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() * 95 / 100);
+  std::nth_element(seen.begin(), at95, seen.end());
+  figures.seen95_mm = 1e3 * *at95;
+  const std::vector<double> back = Distances(*to_truth, SpreadPoints(model, kNumPoints).points);
+  figures.back_mm = 1e3 * Mean(back);
+  figures.stray = Share(back, kFarM);
+  figures.sigma_ratio = SigmaRatio(model, *to_truth);
+  return figures;
+}
+
+void PrintRow(const std::string& object, double sigma_m, const std::string& method,
+              const Figures& f, double seconds, double megabytes) {
+  std::printf("| %s | %.1f | %s | %.4f | %.4f | %.4f | %.2f | %.3f | %.2f | %.2f | %.0f | %.2f |\n",
+              object.c_str(), 1e3 * sigma_m, method.c_str(), f.seen_mm, f.seen95_mm, f.back_mm,
+              100.0 * f.complete, 100.0 * f.stray, f.unseen_mm, seconds, megabytes, f.sigma_ratio);
+}
+
+double PeakMegabytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+Result<ProofScene> MakeScene(const std::string& object, double sigma_m) {
+  Result<Mesh> truth = MakeProofObject(object);
+  if (!truth) return Forward(truth);
+  return RenderProof(std::move(*truth), sigma_m);
+}
+
+std::string ShortName(const std::string& object) {
+  const std::size_t slash = object.find_last_of('/');
+  return slash == std::string::npos ? object : object.substr(slash + 1);
+}
+
+Status Run(const std::vector<std::string>& words) {
+  const double sigma_m = std::stod(words[1]);
+  const Result<ProofScene> scene = MakeScene(words[0], sigma_m);
+  if (!scene) return tl::unexpected(scene.error());
+  FusionConfig config;
+  std::vector<const RangeImage*> ranges;
+  for (const View& view : scene->views) ranges.push_back(&view.range);
+  config.voxel_m = words.size() > 2 ? std::stod(words[2]) : MedianPointSpacing(ranges);
+  if (words.size() > 3) config.order = std::stoi(words[3]);
+  const double before = PeakMegabytes();
+  const auto start = std::chrono::steady_clock::now();
+  const Result<FusedSurface> fused = FuseViews(scene->views, config, CropConfig{}, SurfaceConfig{});
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  if (!fused) return tl::unexpected(fused.error());
+  const double megabytes = PeakMegabytes() - before;
+  if (words.size() > 4) {
+    if (Status status = WriteMesh(fused->mesh, words[4]); !status) return status;
+  }
+  const Result<Figures> figures = Judge(*scene, fused->mesh);
+  if (!figures) return tl::unexpected(figures.error());
+  PrintRow(ShortName(words[0]), sigma_m,
+           fmt::format("fringe order {}, voxel {:.3f} mm", config.order, 1e3 * config.voxel_m),
+           *figures, seconds.count(), megabytes);
+  std::fprintf(stderr, "integrate %.2f s, extract %.2f s, %d points\n", fused->figures.integrate_s,
+               fused->figures.extract_s, fused->figures.num_points);
+  return {};
+}
+
+Status Export(const std::vector<std::string>& words) {
+  const Result<ProofScene> scene = MakeScene(words[0], std::stod(words[1]));
+  if (!scene) return tl::unexpected(scene.error());
+  const std::string& folder = words[2];
+  if (Status status = MakeFolder(folder); !status) return status;
+  std::vector<ConfEntry> entries;
+  for (const View& view : scene->views) {
+    entries.push_back({view.name + ".ply", view.pose.T_object_camera});
+    if (Status status = WriteRangeImage(view.range, folder + "/" + entries.back().file); !status) {
+      return status;
+    }
+  }
+  if (Status status = WritePosesConf(entries, folder + "/poses.conf"); !status) return status;
+  std::ofstream camera(folder + "/camera.txt");
+  camera << scene->image_px << " " << fmt::format("{:.9f}", scene->focal_px) << "\n";
+  if (!camera) return Fail("{}/camera.txt: cannot be written", folder);
+  return {};
+}
+
+Status JudgeFile(const std::vector<std::string>& words) {
+  const double sigma_m = std::stod(words[1]);
+  const Result<ProofScene> scene = MakeScene(words[0], sigma_m);
+  if (!scene) return tl::unexpected(scene.error());
+  const Result<Mesh> mesh = ReadMesh(words[2]);
+  if (!mesh) return tl::unexpected(mesh.error());
+  const Result<Figures> figures = Judge(*scene, *mesh);
+  if (!figures) return tl::unexpected(figures.error());
+  PrintRow(ShortName(words[0]), sigma_m, words[3], *figures, std::stod(words[4]),
+           std::stod(words[5]));
+  return {};
+}
+
+int Main(int argc, char** argv) {
+  const std::vector<std::string> words(argv + 1, argv + argc);
+  const std::string command = words.empty() ? "" : words[0];
+  const std::vector<std::string> rest(words.begin() + (words.empty() ? 0 : 1), words.end());
+  Status status = Fail("usage: fusion_proof run|export|judge OBJECT SIGMA ...");
+  if (command == "run" && rest.size() >= 2) status = Run(rest);
+  if (command == "export" && rest.size() == 3) status = Export(rest);
+  if (command == "judge" && rest.size() == 6) status = JudgeFile(rest);
+  if (!status) std::fprintf(stderr, "fusion_proof: %s\n", status.error().message.c_str());
+  return status ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+}  // namespace
+}  // namespace fringe_fusion::bench
+
+int main(int argc, char** argv) { return fringe_fusion::bench::Main(argc, argv); }
