@@ -1,7 +1,7 @@
 // The fusion against exact truth. Subcommands (lengths in metres):
-//   run    OBJECT SIGMA [VOXEL [ORDER]]  renders, fuses, judges, prints one row of the table
-//   export OBJECT SIGMA FOLDER           writes the views (PLY, poses.conf, camera.txt) for others
-//   judge  OBJECT SIGMA MESH NAME S MB   judges a mesh made elsewhere, prints one row
+//   run    OBJECT SIGMA [VOXEL [ORDER [MESH|- [LEVELS [RADIUS]]]]]  renders, fuses, judges, prints
+//   one row export OBJECT SIGMA FOLDER           writes the views (PLY, poses.conf, camera.txt) for
+//   others judge  OBJECT SIGMA MESH NAME S MB   judges a mesh made elsewhere, prints one row
 // OBJECT is a name of proof_objects.hpp or a mesh file in metres.
 
 #include <sys/resource.h>
@@ -120,6 +120,15 @@ double PeakMegabytes() {
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
 }
 
+double CpuSeconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
 Result<ProofScene> MakeScene(const std::string& object, double sigma_m) {
   Result<Mesh> truth = MakeProofObject(object);
   if (!truth) return Forward(truth);
@@ -140,13 +149,17 @@ Status Run(const std::vector<std::string>& words) {
   for (const View& view : scene->views) ranges.push_back(&view.range);
   config.voxel_m = words.size() > 2 ? std::stod(words[2]) : MedianPointSpacing(ranges);
   if (words.size() > 3) config.order = std::stoi(words[3]);
+  if (words.size() > 5) config.num_levels = std::stoi(words[5]);
+  if (words.size() > 6) config.kernel_radius_voxels = std::stod(words[6]);
   const double before = PeakMegabytes();
+  const double cpu_before = CpuSeconds();
   const auto start = std::chrono::steady_clock::now();
   const Result<FusedSurface> fused = FuseViews(scene->views, config, CropConfig{}, SurfaceConfig{});
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
   if (!fused) return tl::unexpected(fused.error());
+  const double cpu_s = CpuSeconds() - cpu_before;
   const double megabytes = PeakMegabytes() - before;
-  if (words.size() > 4) {
+  if (words.size() > 4 && words[4] != "-") {
     if (Status status = WriteMesh(fused->mesh, words[4]); !status) return status;
   }
   const Result<Figures> figures = Judge(*scene, fused->mesh);
@@ -154,8 +167,9 @@ Status Run(const std::vector<std::string>& words) {
   PrintRow(ShortName(words[0]), sigma_m,
            fmt::format("fringe order {}, voxel {:.3f} mm", config.order, 1e3 * config.voxel_m),
            *figures, seconds.count(), megabytes);
-  std::fprintf(stderr, "integrate %.2f s, extract %.2f s, %d points\n", fused->figures.integrate_s,
-               fused->figures.extract_s, fused->figures.num_points);
+  std::fprintf(stderr, "integrate %.2f s, extract %.2f s, CPU %.2f s, %d points\n",
+               fused->figures.integrate_s, fused->figures.extract_s, cpu_s,
+               fused->figures.num_points);
   return {};
 }
 

@@ -2,14 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include "kernel_sums.hpp"
+#include "level_blend.hpp"
+#include "sample_cells.hpp"
+#include "surface_fit.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
 
 // Samples of one view within reach of a block, placed in the block's frame.
-struct PlacedSamples {
+struct PlacedView {
   const ViewSamples* view = nullptr;
   std::vector<Sample> samples;
 };
@@ -21,15 +26,18 @@ float DistanceToVoxels2(const Eigen::Vector3f& position) {
   return (position - nearest).squaredNorm();
 }
 
-PlacedSamples PlaceSamples(const std::array<int, 3>& block, const ViewSamples& view) {
-  PlacedSamples placed{&view, {}};
-  const int reach = (static_cast<int>(std::ceil(view.radius_voxels)) - 1) / kBlockSize + 1;
-  const auto radius2 = static_cast<float>(view.radius_voxels * view.radius_voxels);
+PlacedView PlaceSamples(const std::array<int, 3>& block, const ViewSamples& view, int level) {
+  PlacedView placed{&view, {}};
+  const SampleSet& set = view.levels[static_cast<std::size_t>(level)];
+  if (set.runs.empty()) return placed;
+  const double radius = view.radius_voxels * (1 << level);
+  const int reach = (static_cast<int>(std::ceil(radius)) - 1) / kBlockSize + 1;
+  const auto radius2 = static_cast<float>(radius * radius);
   for (int x = block[0] - reach; x <= block[0] + reach; ++x) {
     for (int y = block[1] - reach; y <= block[1] + reach; ++y) {
       const BlockKey first = PackBlock(x, y, block[2] - reach);
       const BlockKey last = PackBlock(x, y, block[2] + reach);
-      auto run = std::lower_bound(view.runs.begin(), view.runs.end(), first,
+      auto run = std::lower_bound(set.runs.begin(), set.runs.end(), first,
                                   [](const SampleRun& r, BlockKey key) { return r.block < key; });
       for (; run->block <= last; ++run) {
         const std::array<int, 3> from = UnpackBlock(run->block);
@@ -38,9 +46,10 @@ PlacedSamples PlaceSamples(const std::array<int, 3>& block, const ViewSamples& v
                 .cast<float>() *
             static_cast<float>(kBlockSize);
         for (std::uint32_t i = run->begin; i < (run + 1)->begin; ++i) {
-          Sample sample = view.samples[i];
-          sample.position += shift;
-          if (DistanceToVoxels2(sample.position) < radius2) placed.samples.push_back(sample);
+          const Eigen::Vector3f position = set.samples[i].position + shift;
+          if (!(DistanceToVoxels2(position) < radius2)) continue;
+          placed.samples.push_back(set.samples[i]);
+          placed.samples.back().position = position;
         }
       }
     }
@@ -49,16 +58,16 @@ PlacedSamples PlaceSamples(const std::array<int, 3>& block, const ViewSamples& v
 }
 
 // True when any two normals differ by at most 60 deg: then the sheet test cannot exclude anything.
-bool AllAgree(const std::vector<PlacedSamples>& views) {
+bool AllAgree(const std::vector<PlacedView>& views) {
   constexpr float kCos30 = 0.8660254F;
   Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-  for (const PlacedSamples& view : views) {
+  for (const PlacedView& view : views) {
     for (const Sample& sample : view.samples) sum += sample.normal;
   }
   const Eigen::Vector3f mean = sum.normalized();
-  for (const PlacedSamples& view : views) {
+  for (const PlacedView& view : views) {
     for (const Sample& sample : view.samples) {
-      if (!(sample.normal.dot(mean) >= kCos30)) return false;
+      if (!(sample.normal.dot(mean) >= kCos30 * sample.normal.norm())) return false;
     }
   }
   return true;
@@ -106,60 +115,25 @@ void CloseView(const ViewSamples& view, const std::array<int, 3>& block,
   shares.previous_weight = sums.weight;
 }
 
-struct Surface {
-  float distance = 0.0F;  // [voxels]
-  Eigen::Vector3f gradient = Eigen::Vector3f::Zero();
-};
-
-// Order 0, the generalised implicit equation: D = -S3 / W.
-Surface PlaneSurface(const KernelSums& sums, int i) {
-  const float weight = sums.weight[i];
-  return {-sums.offset_normal[i] / weight, VectorAt(sums.normal, i) / weight};
-}
-
-// Order 2: distance to the algebraic sphere u0 + u.x + u4 |x|^2 fitted to the sums; order 0 where
-// the fit is not a surface near the voxel.
-Surface SphereSurface(const KernelSums& sums, int i) {
-  const auto weight = static_cast<double>(sums.weight[i]);
-  const Eigen::Vector3d s1 = VectorAt(sums.offset, i).cast<double>();
-  const Eigen::Vector3d s2 = VectorAt(sums.normal, i).cast<double>();
-  const auto s3 = static_cast<double>(sums.offset_normal[i]);
-  const auto s4 = static_cast<double>(sums.offset_squared[i]);
-  const double spread = s4 - s1.squaredNorm() / weight;
-  // Samples closer together than a fraction of a voxel carry no curvature.
-  constexpr double kMinSpread = 0.05;
-  if (!(spread > kMinSpread * weight)) return PlaneSurface(sums, i);
-  const double u4 = (s3 - s1.dot(s2) / weight) / (2.0 * spread);
-  const Eigen::Vector3d u = (s2 - 2.0 * u4 * s1) / weight;
-  const double u0 = -(u.dot(s1) + u4 * s4) / weight;
-  const double discriminant = u.squaredNorm() - 4.0 * u0 * u4;
-  // A sphere of less than a voxel's radius, or one the voxel sits in the middle of, is no surface.
-  constexpr double kMaxCurvature = 0.5;
-  if (!(discriminant > 0.25 * u.squaredNorm()) || !(std::abs(u4) < kMaxCurvature * u.norm())) {
-    return PlaneSurface(sums, i);
-  }
-  const double distance = 2.0 * u0 / (u.norm() + std::sqrt(discriminant));
-  return {static_cast<float>(distance), u.normalized().cast<float>()};
-}
-
-// Along the surface only: a voxel off the surface has its centroid that far along the normal.
-float CentroidOffset(const KernelSums& sums, int i) {
-  const Eigen::Vector3f centroid = VectorAt(sums.offset, i) / sums.weight[i];
-  const Eigen::Vector3f normal = VectorAt(sums.normal, i).normalized();
-  return (centroid - normal * normal.dot(centroid)).norm();
+Surface FitSurface(const PointSums& sums, int order) {
+  return order == 2 ? SphereSurface(sums) : PlaneSurface(sums);
 }
 
 Voxel MakeVoxel(const KernelSums& sums, const ViewShares& shares, const FieldSettings& settings,
                 int i) {
   Voxel voxel;
   const float weight = sums.weight[i];
-  const auto max_offset = static_cast<float>(settings.max_centroid_offset_voxels);
   if (!(weight > 0.0F)) return voxel;
-  if (!(CentroidOffset(sums, i) <= max_offset * shares.widening[i])) return voxel;
-  const Surface surface = settings.order == 2 ? SphereSurface(sums, i) : PlaneSurface(sums, i);
+  const PointSums at = SumsAt(sums, i);
+  const double max_offset =
+      settings.max_centroid_offset_voxels * static_cast<double>(shares.widening[i]);
+  if (!(CentroidOffset(at) <= max_offset)) return voxel;
+  const Surface surface = FitSurface(at, settings.order);
   if (!std::isfinite(surface.distance) || !surface.gradient.allFinite()) return voxel;
+  const float to_voxels = 1.0F / (weight * static_cast<float>(settings.voxel_m));
   voxel.distance = surface.distance;
-  voxel.sigma = std::sqrt(sums.variance[i] + shares.shared_variance[i]) / weight;
+  voxel.noise = std::sqrt(sums.variance[i]) * to_voxels;
+  voxel.shared = std::sqrt(shares.shared_variance[i]) * to_voxels;
   voxel.weight = weight;
   for (int axis = 0; axis < 3; ++axis) {
     const float component = std::clamp(surface.gradient[axis], -1.0F, 1.0F);
@@ -175,13 +149,148 @@ Voxel MakeVoxel(const KernelSums& sums, const ViewShares& shares, const FieldSet
   return voxel;
 }
 
-std::array<Channel, 3> FindSheets(const std::vector<PlacedSamples>& views) {
+std::array<Channel, 3> FindSheets(const std::vector<PlacedView>& views) {
   const auto sheets = std::make_unique<SheetNormals>();
-  for (const PlacedSamples& view : views) {
+  for (const PlacedView& view : views) {
     const auto radius = static_cast<float>(view.view->radius_voxels);
     for (const Sample& sample : view.samples) AddToSheets(SampleKernel(sample, radius), *sheets);
   }
   return sheets->Consensus();
+}
+
+// Where wider levels are wanted: they serve the surface, not the far ends of the field.
+constexpr float kMaxDistanceVoxels = 2.5F;
+
+bool NearSurface(const Voxel& voxel) {
+  return voxel.weight > 0.0F && std::abs(voxel.distance) < kMaxDistanceVoxels;
+}
+
+LineMask LinesNearSurface(const BlockField& field) {
+  LineMask lines = 0;
+  for (int i = 0; i < kVoxelsPerBlock; ++i) {
+    if (NearSurface(field.voxels[static_cast<std::size_t>(i)])) {
+      lines |= LineMask{1} << (i / kBlockSize);
+    }
+  }
+  return lines;
+}
+
+// The normals that level 0 found, for the sheet test of the wider levels.
+std::array<Channel, 3> NormalsOf(const BlockField& field) {
+  std::array<Channel, 3> normals;
+  for (auto& channel : normals) channel.setZero();
+  for (int i = 0; i < kVoxelsPerBlock; ++i) {
+    const Voxel& voxel = field.voxels[static_cast<std::size_t>(i)];
+    if (!(voxel.weight > 0.0F)) continue;
+    const Eigen::Vector3f gradient(voxel.gradient[0], voxel.gradient[1], voxel.gradient[2]);
+    const float length = gradient.norm();
+    if (!(length > 0.0F)) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      normals[static_cast<std::size_t>(axis)][i] = gradient[axis] / length;
+    }
+  }
+  return normals;
+}
+
+// All views' samples of a cell as one: the sums of the wider levels need not tell views apart.
+std::vector<Sample> MergeViews(const std::vector<PlacedView>& views, double radius, int level) {
+  const int reach = static_cast<int>(std::ceil(radius)) + 1;
+  const int side = ((kBlockSize + 2 * reach) >> level) + 2;
+  constexpr int kSides = 6;
+  std::vector<int> slot_of_cell(static_cast<std::size_t>(side * side * side * kSides), -1);
+  std::vector<std::vector<const Sample*>> slots;
+  for (const PlacedView& view : views) {
+    for (const Sample& sample : view.samples) {
+      int cell = 0;
+      for (int axis = 0; axis < 3; ++axis) {
+        // Cells are aligned to the block; the bias keeps the coordinate positive.
+        const int bias = ((reach >> level) + 1) << level;
+        cell =
+            cell * side + ((static_cast<int>(std::floor(sample.position[axis])) + bias) >> level);
+      }
+      int& slot = slot_of_cell[static_cast<std::size_t>(cell * kSides + SideOf(sample.normal))];
+      if (slot < 0) {
+        slot = static_cast<int>(slots.size());
+        slots.emplace_back();
+      }
+      slots[static_cast<std::size_t>(slot)].push_back(&sample);
+    }
+  }
+  std::vector<Sample> merged;
+  merged.reserve(slots.size());
+  for (const auto& slot : slots) merged.push_back(MergeSamples(slot));
+  return merged;
+}
+
+// Views whose samples reach equally far, in the order of their radius.
+std::map<double, std::vector<PlacedView>> PlaceByRadius(
+    const std::array<int, 3>& block, const std::vector<const ViewSamples*>& views, int level) {
+  std::map<double, std::vector<PlacedView>> by_radius;
+  for (const ViewSamples* view : views) {
+    PlacedView placed = PlaceSamples(block, *view, level);
+    if (placed.samples.empty()) continue;
+    by_radius[view->radius_voxels * (1 << level)].push_back(std::move(placed));
+  }
+  return by_radius;
+}
+
+void SetLevel(const KernelSums& sums, const FieldSettings& settings, int level, BlockField& field) {
+  const auto l = static_cast<std::size_t>(level - 1);
+  for (int i = 0; i < kVoxelsPerBlock; ++i) {
+    Voxel& voxel = field.voxels[static_cast<std::size_t>(i)];
+    if (!NearSurface(voxel) || !(sums.weight[i] > 0.0F)) continue;
+    const Surface surface = FitSurface(SumsAt(sums, i), settings.order);
+    const float delta = (surface.distance - voxel.distance) * kDeltaScale;
+    const float noise =
+        std::sqrt(sums.variance[i]) / (sums.weight[i] * static_cast<float>(settings.voxel_m));
+    const float ratio = noise / voxel.noise * kRatioScale;
+    constexpr float kMaxDelta = 32767.0F;
+    if (!(std::abs(delta) < kMaxDelta) || !(ratio < kRatioScale)) continue;
+    voxel.delta[l] = static_cast<std::int16_t>(std::lround(delta));
+    voxel.noise_ratio[l] = static_cast<std::uint16_t>(std::max(1L, std::lround(ratio)));
+  }
+}
+
+void AddLevel(const std::array<int, 3>& block, const std::vector<const ViewSamples*>& views,
+              const FieldSettings& settings, int level, BlockField& field) {
+  const LineMask lines = LinesNearSurface(field);
+  if (lines == 0) return;
+  const auto by_radius = PlaceByRadius(block, views, level);
+  std::unique_ptr<std::array<Channel, 3>> normals;
+  for (const auto& [radius, placed] : by_radius) {
+    if (normals == nullptr && !AllAgree(placed)) {
+      normals = std::make_unique<std::array<Channel, 3>>(NormalsOf(field));
+    }
+  }
+  const auto sums = std::make_unique<KernelSums>();
+  for (const auto& [radius, placed] : by_radius) {
+    for (const Sample& sample : MergeViews(placed, radius, level)) {
+      AddToSums(SampleKernel(sample, static_cast<float>(radius)), normals.get(), lines, *sums);
+    }
+  }
+  SetLevel(*sums, settings, level, field);
+}
+
+// Level 0, the only one that tells views apart.
+std::unique_ptr<BlockField> MakeFirstLevel(const std::array<int, 3>& block,
+                                           const std::vector<PlacedView>& placed,
+                                           const FieldSettings& settings) {
+  std::unique_ptr<std::array<Channel, 3>> sheets;
+  if (!AllAgree(placed)) sheets = std::make_unique<std::array<Channel, 3>>(FindSheets(placed));
+  const auto sums = std::make_unique<KernelSums>();
+  const auto shares = std::make_unique<ViewShares>();
+  for (const PlacedView& view : placed) {
+    const auto radius = static_cast<float>(view.view->radius_voxels);
+    for (const Sample& sample : view.samples) {
+      AddToSums(SampleKernel(sample, radius), sheets.get(), kAllLines, *sums);
+    }
+    CloseView(*view.view, block, settings, *sums, *shares);
+  }
+  auto field = std::make_unique<BlockField>();
+  for (int i = 0; i < kVoxelsPerBlock; ++i) {
+    field->voxels[static_cast<std::size_t>(i)] = MakeVoxel(*sums, *shares, settings, i);
+  }
+  return field;
 }
 
 }  // namespace
@@ -190,28 +299,17 @@ std::unique_ptr<BlockField> MakeBlockField(BlockKey block,
                                            const std::vector<const ViewSamples*>& views,
                                            const FieldSettings& settings) {
   const std::array<int, 3> index = UnpackBlock(block);
-  std::vector<PlacedSamples> placed;
+  std::vector<PlacedView> placed;
   for (const ViewSamples* view : views) {
-    PlacedSamples of_view = PlaceSamples(index, *view);
+    PlacedView of_view = PlaceSamples(index, *view, 0);
     if (!of_view.samples.empty()) placed.push_back(std::move(of_view));
   }
   if (placed.empty()) return nullptr;
-
-  std::unique_ptr<std::array<Channel, 3>> sheets;
-  if (!AllAgree(placed)) sheets = std::make_unique<std::array<Channel, 3>>(FindSheets(placed));
-  const auto sums = std::make_unique<KernelSums>();
-  const auto shares = std::make_unique<ViewShares>();
-  for (const PlacedSamples& view : placed) {
-    const auto radius = static_cast<float>(view.view->radius_voxels);
-    for (const Sample& sample : view.samples) {
-      AddToSums(SampleKernel(sample, radius), sheets.get(), *sums);
-    }
-    CloseView(*view.view, index, settings, *sums, *shares);
+  std::unique_ptr<BlockField> field = MakeFirstLevel(index, placed, settings);
+  for (int level = 1; level < settings.num_levels; ++level) {
+    AddLevel(index, views, settings, level, *field);
   }
-  auto field = std::make_unique<BlockField>();
-  for (int i = 0; i < kVoxelsPerBlock; ++i) {
-    (*field)[static_cast<std::size_t>(i)] = MakeVoxel(*sums, *shares, settings, i);
-  }
+  CompareLevels(settings.num_levels, *field);
   return field;
 }
 

@@ -8,6 +8,7 @@
 
 #include "block_field.hpp"
 #include "fringe_fusion/common/parallel.hpp"
+#include "level_blend.hpp"
 
 namespace fringe_fusion {
 
@@ -50,12 +51,9 @@ struct ImplicitModel::Impl {
   [[nodiscard]] bool Supported(const Voxel& voxel) const {
     return voxel.weight > 0.0F && voxel.weight >= min_weight;
   }
-  // The voxel, or nullptr where nothing was measured.
-  [[nodiscard]] const Voxel* At(const std::array<int, 3>& voxel) const {
-    const BlockField* field = Find(internal::BlockOfVoxel(voxel));
-    if (field == nullptr) return nullptr;
-    const Voxel& found = (*field)[static_cast<std::size_t>(internal::IndexInBlock(voxel))];
-    return Supported(found) ? &found : nullptr;
+  [[nodiscard]] internal::FieldSettings Settings() const {
+    return {config.voxel_m, config.order, config.num_levels, config.kernel_radius_voxels,
+            config.max_centroid_offset_voxels};
   }
 
   [[nodiscard]] std::size_t SampleBytes() const {
@@ -68,7 +66,11 @@ struct ImplicitModel::Impl {
   [[nodiscard]] Result<std::vector<RebuiltBlock>> Rebuild(
       const std::vector<BlockKey>& touched, const std::vector<const ViewSamples*>& sources,
       const Progress& progress) const;
+  // The blocks whose field changes when these views come or go.
+  [[nodiscard]] std::vector<BlockKey> Affected(
+      const std::vector<const ViewSamples*>& changed) const;
   void Commit(std::vector<RebuiltBlock> rebuilt);
+  void Blend(const std::vector<BlockKey>& changed);
   void UpdateMinWeight();
 };
 
@@ -90,8 +92,7 @@ Status ImplicitModel::Impl::CheckMemory(std::size_t num_touched,
 Result<std::vector<RebuiltBlock>> ImplicitModel::Impl::Rebuild(
     const std::vector<BlockKey>& touched, const std::vector<const ViewSamples*>& sources,
     const Progress& progress) const {
-  const internal::FieldSettings settings{config.voxel_m, config.order, config.kernel_radius_voxels,
-                                         config.max_centroid_offset_voxels};
+  const internal::FieldSettings settings = Settings();
   std::vector<RebuiltBlock> rebuilt(touched.size());
   // In batches, so that progress is reported and cancelling answered from the calling thread.
   constexpr int kBatch = 512;
@@ -111,8 +112,67 @@ Result<std::vector<RebuiltBlock>> ImplicitModel::Impl::Rebuild(
   return rebuilt;
 }
 
+// Blocks come and go with level 0 alone, but the wider levels of the others see the views as well.
+std::vector<BlockKey> ImplicitModel::Impl::Affected(
+    const std::vector<const ViewSamples*>& changed) const {
+  const auto sort = [](std::vector<BlockKey>& keys_to_sort) {
+    std::sort(keys_to_sort.begin(), keys_to_sort.end());
+    keys_to_sort.erase(std::unique(keys_to_sort.begin(), keys_to_sort.end()), keys_to_sort.end());
+  };
+  std::vector<BlockKey> affected;
+  for (const ViewSamples* view : changed) {
+    const std::vector<BlockKey> of_view = internal::TouchedBlocks(*view, 0);
+    affected.insert(affected.end(), of_view.begin(), of_view.end());
+  }
+  sort(affected);
+  if (config.num_levels == 1) return affected;
+  std::vector<BlockKey> seen;
+  for (const ViewSamples* view : changed) {
+    const std::vector<BlockKey> of_view = internal::TouchedBlocks(*view, config.num_levels - 1);
+    seen.insert(seen.end(), of_view.begin(), of_view.end());
+  }
+  sort(seen);
+  for (const BlockKey key : seen) {
+    if (blocks.count(key) != 0) affected.push_back(key);
+  }
+  sort(affected);
+  return affected;
+}
+
+void ImplicitModel::Impl::Blend(const std::vector<BlockKey>& changed) {
+  std::vector<BlockKey> affected;
+  for (const BlockKey key : changed) {
+    const std::array<int, 3> block = internal::UnpackBlock(key);
+    for (int i = 0; i < 27; ++i) {
+      const BlockKey neighbor =
+          internal::PackBlock(block[0] + i % 3 - 1, block[1] + i / 3 % 3 - 1, block[2] + i / 9 - 1);
+      if (blocks.count(neighbor) != 0) affected.push_back(neighbor);
+    }
+  }
+  std::sort(affected.begin(), affected.end());
+  affected.erase(std::unique(affected.begin(), affected.end()), affected.end());
+  constexpr int kGrain = 16;
+  ParallelFor(static_cast<int>(affected.size()), kGrain, [&](int begin, int end) {
+    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+      const std::array<int, 3> block = internal::UnpackBlock(affected[i]);
+      internal::Neighborhood neighborhood{};
+      for (int n = 0; n < 27; ++n) {
+        neighborhood[static_cast<std::size_t>(n)] = Find(internal::PackBlock(
+            block[0] + n % 3 - 1, block[1] + n / 3 % 3 - 1, block[2] + n / 9 - 1));
+      }
+      internal::BlendedField blended =
+          internal::BlendLevels(neighborhood, config.num_levels, config.voxel_m);
+      BlockField& field = *blocks.find(affected[i])->second;
+      field.distance = blended.distance;
+      field.sigma = blended.sigma;
+    }
+  });
+}
+
 void ImplicitModel::Impl::Commit(std::vector<RebuiltBlock> rebuilt) {
+  std::vector<BlockKey> changed;
   for (RebuiltBlock& block : rebuilt) {
+    changed.push_back(block.key);
     if (block.field == nullptr) {
       blocks.erase(block.key);
     } else {
@@ -122,13 +182,14 @@ void ImplicitModel::Impl::Commit(std::vector<RebuiltBlock> rebuilt) {
   keys.clear();
   for (const auto& [key, field] : blocks) keys.push_back(key);
   std::sort(keys.begin(), keys.end());
+  Blend(changed);
   UpdateMinWeight();
 }
 
 void ImplicitModel::Impl::UpdateMinWeight() {
   std::vector<float> weights;
   for (const BlockKey key : keys) {
-    for (const Voxel& voxel : *Find(key)) {
+    for (const Voxel& voxel : Find(key)->voxels) {
       const bool near_surface = std::abs(voxel.distance) < 1.0F;
       if (voxel.weight > 0.0F && near_surface) weights.push_back(voxel.weight);
     }
@@ -163,7 +224,7 @@ Status ImplicitModel::AddViews(const std::vector<View>& views, const Progress& p
 
 Status ImplicitModel::AddSpan(const View* views, std::size_t count, const Progress& progress) {
   std::map<int, ViewSamples> added;
-  std::vector<BlockKey> touched;
+  std::vector<const ViewSamples*> changed;
   std::size_t new_bytes = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const View& view = views[i];
@@ -175,13 +236,10 @@ Status ImplicitModel::AddSpan(const View* views, std::size_t count, const Progre
     }
     Result<ViewSamples> samples = internal::MakeViewSamples(view, impl_->config);
     if (!samples) return Forward(samples);
-    const std::vector<BlockKey> of_view = internal::TouchedBlocks(*samples);
-    touched.insert(touched.end(), of_view.begin(), of_view.end());
     new_bytes += samples->MemoryBytes();
-    added.emplace(view.id, std::move(*samples));
+    changed.push_back(&added.emplace(view.id, std::move(*samples)).first->second);
   }
-  std::sort(touched.begin(), touched.end());
-  touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+  const std::vector<BlockKey> touched = impl_->Affected(changed);
   if (Status status = impl_->CheckMemory(touched.size(), new_bytes); !status) return status;
 
   std::map<int, const ViewSamples*> sources;
@@ -199,7 +257,7 @@ Status ImplicitModel::AddSpan(const View* views, std::size_t count, const Progre
 Status ImplicitModel::RemoveView(int view_id) {
   const auto found = impl_->views.find(view_id);
   if (found == impl_->views.end()) return Fail("view {}: not in the model", view_id);
-  const std::vector<BlockKey> touched = internal::TouchedBlocks(found->second);
+  const std::vector<BlockKey> touched = impl_->Affected({&found->second});
   std::vector<const ViewSamples*> remaining;
   for (const auto& [id, view] : impl_->views) {
     if (id != view_id) remaining.push_back(&view);
@@ -235,19 +293,22 @@ FieldSample ImplicitModel::AtVoxel(const std::array<int, 3>& voxel) const {
   const bool in_range = std::all_of(voxel.begin(), voxel.end(), [](int value) {
     return std::abs(static_cast<long>(value)) < internal::kMaxVoxelCoordinate;
   });
-  const Voxel* found = in_range ? impl_->At(voxel) : nullptr;
-  if (found == nullptr) return Unsupported();
+  const BlockField* field = in_range ? impl_->Find(internal::BlockOfVoxel(voxel)) : nullptr;
+  if (field == nullptr) return Unsupported();
+  const auto index = static_cast<std::size_t>(internal::IndexInBlock(voxel));
+  const Voxel& found = field->voxels[index];
+  if (!impl_->Supported(found)) return Unsupported();
   FieldSample sample;
   sample.supported = true;
-  sample.distance = found->distance * static_cast<float>(impl_->config.voxel_m);
+  sample.distance = field->distance[index] * static_cast<float>(impl_->config.voxel_m);
   for (int axis = 0; axis < 3; ++axis) {
-    sample.gradient[axis] = static_cast<float>(found->gradient[static_cast<std::size_t>(axis)]) /
+    sample.gradient[axis] = static_cast<float>(found.gradient[static_cast<std::size_t>(axis)]) /
                             internal::kGradientScale;
   }
-  sample.sigma = found->sigma;
-  sample.weight = found->weight;
-  sample.num_views = found->num_views;
-  sample.color = found->color;
+  sample.sigma = field->sigma[index];
+  sample.weight = found.weight;
+  sample.num_views = found.num_views;
+  sample.color = found.color;
   return sample;
 }
 
@@ -297,13 +358,12 @@ ImplicitModel::PaddedDistances ImplicitModel::DistancesOf(const BlockIndex& bloc
     for (int z = 0; z < end(2); ++z) {
       for (int y = 0; y < end(1); ++y) {
         for (int x = 0; x < end(0); ++x) {
-          const Voxel& voxel =
-              (*field)[static_cast<std::size_t>((z * kBlockSize + y) * kBlockSize + x)];
-          if (!impl_->Supported(voxel)) continue;
+          const auto from = static_cast<std::size_t>((z * kBlockSize + y) * kBlockSize + x);
+          if (!impl_->Supported(field->voxels[from])) continue;
           const int to =
               ((z + step[2] * kBlockSize) * kPaddedSize + y + step[1] * kBlockSize) * kPaddedSize +
               x + step[0] * kBlockSize;
-          distances[static_cast<std::size_t>(to)] = voxel.distance * voxel_m;
+          distances[static_cast<std::size_t>(to)] = field->distance[from] * voxel_m;
         }
       }
     }

@@ -6,8 +6,6 @@
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr float kRadiusInWidths = 2.5F;  // R / h: the cut Gaussian has lost 96 % there
-
 template <typename ChannelType>
 auto LineAt(ChannelType& channel, int start) {
   return channel.template segment<kBlockSize>(start);
@@ -28,7 +26,8 @@ void AddLine(const SampleKernel& kernel, const Line& k, int y, int z, KernelSums
   const Line w = k * sample.weight;
   const Line w_x = w * kernel.gap[0];
   const Line off_normal =
-      kernel.gap[0] * sample.normal[0] + (gap_y * sample.normal[1] + gap_z * sample.normal[2]);
+      kernel.gap[0] * sample.normal[0] +
+      (gap_y * sample.normal[1] + gap_z * sample.normal[2] + sample.offset_normal);
   LineAt(sums.weight, start) += w;
   LineAt(sums.offset[0], start) += w_x;
   LineAt(sums.offset[1], start) += w * gap_y;
@@ -37,7 +36,8 @@ void AddLine(const SampleKernel& kernel, const Line& k, int y, int z, KernelSums
   LineAt(sums.normal[1], start) += w * sample.normal[1];
   LineAt(sums.normal[2], start) += w * sample.normal[2];
   LineAt(sums.offset_normal, start) += w * off_normal;
-  LineAt(sums.offset_squared, start) += w_x * kernel.gap[0] + w * (gap_y * gap_y + gap_z * gap_z);
+  LineAt(sums.offset_squared, start) +=
+      w_x * kernel.gap[0] + w * (gap_y * gap_y + gap_z * gap_z + sample.offset_squared);
   LineAt(sums.variance, start) += k * k * sample.weight_variance;
   LineAt(sums.color[0], start) += w * static_cast<float>(sample.color.r);
   LineAt(sums.color[1], start) += w * static_cast<float>(sample.color.g);
@@ -82,10 +82,11 @@ std::array<Channel, 3> SheetNormals::Consensus() const {
   return consensus;
 }
 
-void AddToSums(const SampleKernel& kernel, const std::array<Channel, 3>* sheets, KernelSums& sums) {
+void AddToSums(const SampleKernel& kernel, const std::array<Channel, 3>* sheets, LineMask lines,
+               KernelSums& sums) {
   for (int z = kernel.first[2]; z <= kernel.last[2]; ++z) {
     for (int y = kernel.first[1]; y <= kernel.last[1]; ++y) {
-      if (!kernel.Reaches(y, z)) continue;
+      if (((lines >> (z * kBlockSize + y)) & 1U) == 0 || !kernel.Reaches(y, z)) continue;
       Line k = kernel.On(y, z);
       if (sheets != nullptr) {
         k *= Agreement(*sheets, kernel.sample.normal, (z * kBlockSize + y) * kBlockSize);

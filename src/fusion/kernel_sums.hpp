@@ -10,6 +10,8 @@
 
 namespace fringe_fusion::internal {
 
+constexpr float kRadiusInWidths = 2.5F;  ///< R / h: the cut Gaussian has lost 96 % there
+
 /// One value for each voxel of a block, x fastest.
 using Channel = Eigen::Array<float, kVoxelsPerBlock, 1>;
 /// The voxels of one line of a block in x.
@@ -77,9 +79,14 @@ struct SampleKernel {
   std::array<int, 3> last{};
 };
 
+/// The lines (y, z) of a block that are wanted: bit z * 8 + y.
+using LineMask = std::uint64_t;
+constexpr LineMask kAllLines = ~LineMask{0};
+
 /// Adds a sample to the sums. @param sheets unit consensus normal per voxel, or nullptr where all
-/// samples agree anyway.
-void AddToSums(const SampleKernel& kernel, const std::array<Channel, 3>* sheets, KernelSums& sums);
+/// samples agree anyway. @param lines where to add it.
+void AddToSums(const SampleKernel& kernel, const std::array<Channel, 3>* sheets, LineMask lines,
+               KernelSums& sums);
 
 void AddToSheets(const SampleKernel& kernel, SheetNormals& sheets);
 

@@ -9,22 +9,16 @@
 
 #include "border_taper.hpp"
 #include "fringe_fusion/common/parallel.hpp"
+#include "kernel_sums.hpp"
+#include "normal_noise.hpp"
+#include "sample_cells.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
 
-// Samples are thinned to one weighted mean per cell of half a voxel: far below the kernel width,
-// and it bounds memory and time by the surface's area instead of the camera's pixels.
-constexpr int kCellsPerVoxel = 2;
-constexpr int kCellBits = 12;  // (8 * 2)^3 cells per block
 constexpr double kMaxRadiusVoxels = 16.0;
 // The support must hold a few points in each direction, else the field has holes between them.
-constexpr double kMinRadiusInSpacings = 2.5;
-
-struct CellSample {
-  std::uint64_t key = 0;  // block, then cell
-  Sample sample;
-};
+constexpr double kMinRadiusInSpacings = 1.6;
 
 struct Preparation {
   const View& view;
@@ -61,18 +55,8 @@ double NoiseVariance(const RangeImage& range, std::size_t i, double min_sigma_m)
   return std::max(variance, min_sigma_m * min_sigma_m);
 }
 
-std::uint64_t CellKey(const std::array<int, 3>& voxel, const Eigen::Vector3f& local) {
-  std::uint64_t cell = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const int part = std::clamp(static_cast<int>(local[axis] * static_cast<float>(kCellsPerVoxel)),
-                                0, kBlockSize * kCellsPerVoxel - 1);
-    cell = cell * (kBlockSize * kCellsPerVoxel) + static_cast<std::uint64_t>(part);
-  }
-  return (BlockOfVoxel(voxel) << kCellBits) | cell;
-}
-
 // One point as a sample; nothing when it is invalid, without normal or sigma, or seen from behind.
-std::optional<CellSample> MakeSample(const Preparation& preparation, std::size_t i) {
+std::optional<PlacedSample> MakeSample(const Preparation& preparation, std::size_t i) {
   const RangeImage& range = preparation.view.range;
   if (!range.points[i].allFinite() || !range.normals[i].allFinite()) return std::nullopt;
   const double noise = NoiseVariance(range, i, preparation.min_sigma_m);
@@ -86,38 +70,38 @@ std::optional<CellSample> MakeSample(const Preparation& preparation, std::size_t
   const Eigen::Vector3d position = preparation.T_object_camera * point_camera / preparation.voxel_m;
   if (!(position.cwiseAbs().maxCoeff() < kMaxVoxelCoordinate)) return std::nullopt;
 
-  CellSample cell;
+  PlacedSample placed;
   std::array<int, 3> voxel{};
   for (int axis = 0; axis < 3; ++axis) {
     const auto a = static_cast<std::size_t>(axis);
     voxel[a] = static_cast<int>(std::floor(position[axis]));
     const int first = FloorDivide(voxel[a], kBlockSize) * kBlockSize;
-    cell.sample.position[axis] = static_cast<float>(position[axis] - first);
+    placed.sample.position[axis] = static_cast<float>(position[axis] - first);
   }
-  cell.key = CellKey(voxel, cell.sample.position);
-  cell.sample.normal =
+  placed.block = BlockOfVoxel(voxel);
+  placed.sample.normal =
       (preparation.T_object_camera.linear() * normal_camera).normalized().cast<float>();
   const double weight = static_cast<double>(preparation.taper[i]) / variance;
-  cell.sample.weight = static_cast<float>(weight);
-  cell.sample.weight_variance = static_cast<float>(weight * weight * noise);
-  cell.sample.color = range.color[i];
-  return cell;
+  placed.sample.weight = static_cast<float>(weight);
+  placed.sample.weight_variance = static_cast<float>(weight * weight * noise);
+  placed.sample.color = range.color[i];
+  return placed;
 }
 
-std::vector<CellSample> MakeSamples(const Preparation& preparation) {
+std::vector<PlacedSample> MakeSamples(const Preparation& preparation) {
   const RangeImage& range = preparation.view.range;
   constexpr int kRowsPerChunk = 16;
   const int num_chunks = (range.height + kRowsPerChunk - 1) / kRowsPerChunk;
-  std::vector<std::vector<CellSample>> chunks(static_cast<std::size_t>(num_chunks));
+  std::vector<std::vector<PlacedSample>> chunks(static_cast<std::size_t>(num_chunks));
   ParallelFor(range.height, kRowsPerChunk, [&](int begin, int end) {
-    std::vector<CellSample>& chunk = chunks[static_cast<std::size_t>(begin / kRowsPerChunk)];
+    std::vector<PlacedSample>& chunk = chunks[static_cast<std::size_t>(begin / kRowsPerChunk)];
     const auto width = static_cast<std::size_t>(range.width);
     for (std::size_t i = static_cast<std::size_t>(begin) * width;
          i < static_cast<std::size_t>(end) * width; ++i) {
       if (const auto sample = MakeSample(preparation, i)) chunk.push_back(*sample);
     }
   });
-  std::vector<CellSample> all;
+  std::vector<PlacedSample> all;
   for (const auto& chunk : chunks) all.insert(all.end(), chunk.begin(), chunk.end());
   return all;
 }
@@ -138,60 +122,6 @@ Status CheckExtent(const View& view, const FusionConfig& config) {
   return {};
 }
 
-// Weighted mean of the samples order[begin .. end) of one cell.
-Sample MergeCell(const std::vector<CellSample>& cells,
-                 const std::vector<std::pair<std::uint64_t, std::uint32_t>>& order,
-                 std::size_t begin, std::size_t end) {
-  if (end - begin == 1) return cells[order[begin].second].sample;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  Eigen::Vector3d color = Eigen::Vector3d::Zero();
-  double weight = 0.0;
-  double weight_variance = 0.0;
-  for (std::size_t i = begin; i < end; ++i) {
-    const Sample& sample = cells[order[i].second].sample;
-    const auto w = static_cast<double>(sample.weight);
-    weight += w;
-    weight_variance += static_cast<double>(sample.weight_variance);
-    position += w * sample.position.cast<double>();
-    normal += w * sample.normal.cast<double>();
-    color += w * Eigen::Vector3d(sample.color.r, sample.color.g, sample.color.b);
-  }
-  Sample merged;
-  merged.position = (position / weight).cast<float>();
-  // All samples of a view face its camera, so their normals cannot cancel.
-  merged.normal = normal.normalized().cast<float>();
-  merged.weight = static_cast<float>(weight);
-  merged.weight_variance = static_cast<float>(weight_variance);
-  const auto channel = [&](int c) {
-    return static_cast<std::uint8_t>(std::lround(std::clamp(color[c] / weight, 0.0, 255.0)));
-  };
-  merged.color = Rgb8{channel(0), channel(1), channel(2)};
-  return merged;
-}
-
-void SortIntoRuns(const std::vector<CellSample>& cells, ViewSamples& view) {
-  std::vector<std::pair<std::uint64_t, std::uint32_t>> order(cells.size());
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    order[i] = {cells[i].key, static_cast<std::uint32_t>(i)};
-  }
-  // The pairs are distinct, so the sorted order is unique whatever the number of threads.
-  tbb::parallel_sort(order.begin(), order.end());
-  for (std::size_t begin = 0; begin < order.size();) {
-    std::size_t end = begin + 1;
-    while (end < order.size() && order[end].first == order[begin].first) ++end;
-    const BlockKey block = order[begin].first >> kCellBits;
-    if (view.runs.empty() || view.runs.back().block != block) {
-      view.runs.push_back({block, static_cast<std::uint32_t>(view.samples.size())});
-    }
-    view.samples.push_back(MergeCell(cells, order, begin, end));
-    begin = end;
-  }
-  view.runs.push_back({~BlockKey{0}, static_cast<std::uint32_t>(view.samples.size())});
-  view.samples.shrink_to_fit();
-  view.runs.shrink_to_fit();
-}
-
 Result<double> KernelRadius(const View& view, const FusionConfig& config) {
   const double spacing_m = PointSpacing(view.range);
   const double needed = kMinRadiusInSpacings * spacing_m / config.voxel_m;
@@ -202,7 +132,29 @@ Result<double> KernelRadius(const View& view, const FusionConfig& config) {
         view.id, view.name, config.voxel_m, spacing_m,
         kMinRadiusInSpacings * spacing_m / kMaxRadiusVoxels * 1.01);
   }
-  return std::max(config.kernel_radius_voxels, needed);
+  // Few distinct radii, so that the samples of different views can be merged at the wider levels.
+  double radius = config.kernel_radius_voxels;
+  while (radius < needed) radius *= M_SQRT2;
+  return radius;
+}
+
+// The samples of all levels; the wider ones are merged from those of the level before.
+void FillLevels(const std::vector<PlacedSample>& points, double spacing_voxels,
+                const FusionConfig& config, ViewSamples& view) {
+  view.levels[0] = MergeIntoCells(points, 0);
+  for (int level = 1; level < config.num_levels; ++level) {
+    const auto l = static_cast<std::size_t>(level);
+    view.levels[l] = Coarsen(view.levels[l - 1], level);
+  }
+  if (config.normal_radius_px == 0) return;
+  for (int level = 0; level < config.num_levels; ++level) {
+    const double h = view.radius_voxels * (1 << level) / static_cast<double>(kRadiusInWidths);
+    const double window = (config.normal_radius_px + 0.5) * spacing_voxels;
+    const auto factor = static_cast<float>(NormalNoiseFactor(window / h, config.order));
+    for (Sample& sample : view.levels[static_cast<std::size_t>(level)].samples) {
+      sample.weight_variance *= factor;
+    }
+  }
 }
 
 }  // namespace
@@ -232,25 +184,27 @@ Result<ViewSamples> MakeViewSamples(const View& view, const FusionConfig& config
                                 BorderTaper(view.range, config.border_taper_px, config.voxel_m),
                                 view.pose.T_object_camera,
                                 samples.has_pose_covariance};
-  const std::vector<CellSample> cells = MakeSamples(preparation);
-  if (cells.empty()) {
+  const std::vector<PlacedSample> points = MakeSamples(preparation);
+  if (points.empty()) {
     return Fail("view {} ({}): none of its {} points has a normal towards the camera and a sigma",
                 view.id, view.name, CountValid(view.range));
   }
-  SortIntoRuns(cells, samples);
+  FillLevels(points, PointSpacing(view.range) / config.voxel_m, config, samples);
   return samples;
 }
 
-std::vector<BlockKey> TouchedBlocks(const ViewSamples& view) {
+std::vector<BlockKey> TouchedBlocks(const ViewSamples& view, int level) {
+  const std::vector<SampleRun>& runs = view.levels[static_cast<std::size_t>(level)].runs;
+  const std::vector<Sample>& samples = view.levels[static_cast<std::size_t>(level)].samples;
   std::vector<BlockKey> touched;
-  const auto radius = static_cast<float>(view.radius_voxels);
-  for (std::size_t run = 0; run + 1 < view.runs.size(); ++run) {
-    const std::array<int, 3> block = UnpackBlock(view.runs[run].block);
+  const auto radius = static_cast<float>(view.radius_voxels * (1 << level));
+  for (std::size_t run = 0; run + 1 < runs.size(); ++run) {
+    const std::array<int, 3> block = UnpackBlock(runs[run].block);
     Eigen::Vector3f low = Eigen::Vector3f::Constant(kBlockSize);
     Eigen::Vector3f high = Eigen::Vector3f::Zero();
-    for (std::uint32_t i = view.runs[run].begin; i < view.runs[run + 1].begin; ++i) {
-      low = low.cwiseMin(view.samples[i].position);
-      high = high.cwiseMax(view.samples[i].position);
+    for (std::uint32_t i = runs[run].begin; i < runs[run + 1].begin; ++i) {
+      low = low.cwiseMin(samples[i].position);
+      high = high.cwiseMax(samples[i].position);
     }
     std::array<int, 3> first{};
     std::array<int, 3> last{};

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -9,12 +10,15 @@
 
 namespace fringe_fusion::internal {
 
-/// One oriented sample of a view, or the weighted mean of the samples of one half-voxel cell.
+/// The oriented points of one cell: their weighted means and the moments about them, so that every
+/// sum over the points is exact under a kernel that is constant within the cell.
 struct Sample {
   Eigen::Vector3f position;      ///< from the first voxel of the sample's block [voxels]
-  Eigen::Vector3f normal;        ///< unit, object frame
+  Eigen::Vector3f normal;        ///< mean of the unit normals, object frame
   float weight = 0.0F;           ///< sum of taper / sigma_n^2 [1/m^2]
   float weight_variance = 0.0F;  ///< sum of weight^2 sigma^2 over its points [1/m^2]
+  float offset_normal = 0.0F;    ///< mean of (p - position) . n [voxels]
+  float offset_squared = 0.0F;   ///< mean of |p - position|^2 [voxels^2]
   Rgb8 color;
 };
 
@@ -24,18 +28,30 @@ struct SampleRun {
   std::uint32_t begin = 0;
 };
 
-/// The oriented samples of one view in the object frame, sorted by block.
-struct ViewSamples {
-  int id = 0;
-  double radius_voxels = 0.0;  ///< support R of every sample of this view
+/// Samples sorted by block.
+struct SampleSet {
   std::vector<Sample> samples;
   std::vector<SampleRun> runs;  ///< ascending block; a last run without samples closes the list
+};
+
+/// Octaves of the kernel: level l has 2^l times the reach of level 0 and cells of 2^l voxels.
+constexpr int kMaxLevels = 3;
+
+/// The oriented samples of one view in the object frame.
+struct ViewSamples {
+  int id = 0;
+  double radius_voxels = 0.0;  ///< support R of every sample of this view at level 0
+  std::array<SampleSet, kMaxLevels> levels;
   bool has_pose_covariance = false;
   Transform T_camera_object = Transform::Identity();
   Matrix6d pose_covariance = Matrix6d::Zero();
 
   [[nodiscard]] std::size_t MemoryBytes() const {
-    return samples.capacity() * sizeof(Sample) + runs.capacity() * sizeof(SampleRun);
+    std::size_t bytes = 0;
+    for (const SampleSet& set : levels) {
+      bytes += set.samples.capacity() * sizeof(Sample) + set.runs.capacity() * sizeof(SampleRun);
+    }
+    return bytes;
   }
 };
 
@@ -44,8 +60,8 @@ struct ViewSamples {
 /// range of voxel indices, or the kernel would need too many voxels for the view's point spacing.
 [[nodiscard]] Result<ViewSamples> MakeViewSamples(const View& view, const FusionConfig& config);
 
-/// Blocks within reach of the samples, ascending, each once.
-[[nodiscard]] std::vector<BlockKey> TouchedBlocks(const ViewSamples& view);
+/// Blocks within reach of the samples at a level, ascending, each once.
+[[nodiscard]] std::vector<BlockKey> TouchedBlocks(const ViewSamples& view, int level);
 
 /// Variance of the position along a unit normal that the pose covariance causes [m^2].
 /// With T Exp(xi): n . dp = rotation . (p_camera x n_camera) + translation . n_camera.

@@ -9,7 +9,7 @@ namespace fringe_fusion {
 namespace {
 
 std::vector<View> SphereViews() {
-  return testing::CastAround(testing::SphereScene(0.02), 0.12, testing::ViewSettings{});
+  return testing::CastAround(testing::SphereScene(0.01), 0.12, testing::ViewSettings{});
 }
 
 TEST(FuseViews, CropsFusesAndCounts) {
@@ -54,6 +54,8 @@ TEST(FuseViews, ShippedSettingsAreTheDefaults) {
   EXPECT_EQ(fusion->voxel_m, FusionConfig{}.voxel_m);
   EXPECT_EQ(fusion->order, FusionConfig{}.order);
   EXPECT_EQ(fusion->kernel_radius_voxels, FusionConfig{}.kernel_radius_voxels);
+  EXPECT_EQ(fusion->num_levels, FusionConfig{}.num_levels);
+  EXPECT_EQ(fusion->normal_radius_px, FusionConfig{}.normal_radius_px);
   EXPECT_EQ(fusion->border_taper_px, FusionConfig{}.border_taper_px);
   EXPECT_EQ(fusion->min_sigma_m, FusionConfig{}.min_sigma_m);
   EXPECT_EQ(fusion->min_weight_ratio, FusionConfig{}.min_weight_ratio);

@@ -22,6 +22,12 @@ struct FusionConfig {
   /// Support R of a sample's weight; the width of its Gaussian is R / 2.5. Views whose points are
   /// sparse get a wider one: at least 2.5 times the spacing of their points, at most 16 voxels.
   double kernel_radius_voxels = 3.0;
+  /// Octaves of the kernel, 1 to 3: each level doubles the width. At every point the widest kernel
+  /// counts that the shape allows, judged by the differences between the levels and their noise.
+  int num_levels = 3;
+  /// Half window of the plane fits that gave the views' normals; their noise is part of sigma.
+  /// 0: the normals are exact.
+  int normal_radius_px = 2;
   double border_taper_px = 5.0;     ///< weights fade over this distance to a mask border
   double min_sigma_m = 1e-6;        ///< floor under the stated sigma of a sample
   double min_weight_ratio = 0.002;  ///< of the median weight: below it the surface stays open
@@ -34,6 +40,8 @@ struct FusionConfig {
     field("voxel_m", voxel_m, 1e-6, 10.0);
     field("order", order, 0, 2);
     field("kernel_radius_voxels", kernel_radius_voxels, 1.0, 16.0);
+    field("num_levels", num_levels, 1, 3);
+    field("normal_radius_px", normal_radius_px, 0, 20);
     field("border_taper_px", border_taper_px, 0.0, 100.0);
     field("min_sigma_m", min_sigma_m, 1e-9, 1.0);
     field("min_weight_ratio", min_weight_ratio, 0.0, 1.0);
