@@ -96,6 +96,7 @@ void AddCommand(Tool& tool, const std::string& name, const std::string& descript
                                      const std::vector<std::string>& extensions);
 
 // One function per command, each in its own file.
+void AddPatterns(Tool& tool);
 void AddSimulate(Tool& tool);
 void AddDecode(Tool& tool);
 void AddReconstruct(Tool& tool);

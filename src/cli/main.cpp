@@ -30,6 +30,7 @@ void Describe(Tool& tool) {
       "line;\nthe exit status is 0 on success, 1 on bad data, 2 on a bad command line, 130 when "
       "interrupted.");
   tool.app.require_subcommand(1);
+  AddPatterns(tool);
   AddSimulate(tool);
   AddDecode(tool);
   AddReconstruct(tool);

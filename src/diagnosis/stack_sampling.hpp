@@ -36,7 +36,7 @@ struct StepSet {
 struct GrayFrames {
   Axis axis = Axis::kU;
   int bit = 0;
-  int cell_px = 1;
+  double cell_px = 1.0;
   double offset_px = 0.0;
   int frame = -1;
   int inverse_frame = -1;

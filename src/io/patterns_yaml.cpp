@@ -33,42 +33,66 @@ void ReadPattern(YamlFields& fields, Pattern& pattern) {
     fields.Optional("inverse", pattern.inverse);
     fields.Optional("cell_px", pattern.cell_px);
     fields.Optional("offset_px", pattern.offset_px);
-  } else if (kind == "phase") {
-    pattern.kind = PatternKind::kPhase;
+  } else if (kind == "phase" || kind == "micro") {
+    pattern.kind = kind == "phase" ? PatternKind::kPhase : PatternKind::kMicro;
     ReadAxis(fields, pattern);
     fields.Required("fringes", pattern.fringes);
     fields.Required("step", pattern.step);
     fields.Required("steps", pattern.steps);
     fields.Optional("phase_sign", pattern.phase_sign);
     fields.Optional("phase_offset_rad", pattern.phase_offset_rad);
+    if (kind == "phase") {
+      fields.Optional("carrier_period_px", pattern.carrier_period_px);
+      fields.Optional("carrier_step", pattern.carrier_step);
+      fields.Optional("carrier_steps", pattern.carrier_steps);
+    }
   } else {
-    fields.Reject(fmt::format("kind = {} must be white, black, gray or phase", kind));
+    fields.Reject(fmt::format("kind = {} must be white, black, gray, phase or micro", kind));
   }
+  fields.Optional("exposure_ratio", pattern.exposure_ratio);
 }
 
+std::string GrayYaml(const Pattern& p) {
+  std::string text = fmt::format(", bit: {}, inverse: {}", p.bit, p.inverse);
+  if (p.cell_px != 1.0) text += fmt::format(", cell_px: {}", p.cell_px);
+  if (p.offset_px != 0.0) text += fmt::format(", offset_px: {}", p.offset_px);
+  return text;
+}
+
+std::string FringeYaml(const Pattern& p) {
+  std::string text = fmt::format(", fringes: {}, step: {}, steps: {}", p.fringes, p.step, p.steps);
+  if (p.phase_sign != 1.0) text += fmt::format(", phase_sign: {}", p.phase_sign);
+  if (p.phase_offset_rad != 0.0) text += fmt::format(", phase_offset_rad: {}", p.phase_offset_rad);
+  if (p.kind == PatternKind::kPhase && p.carrier_steps != 0) {
+    text += fmt::format(", carrier_period_px: {}, carrier_step: {}, carrier_steps: {}",
+                        p.carrier_period_px, p.carrier_step, p.carrier_steps);
+  }
+  return text;
+}
+
+// What is at its default is left out.
 std::string PatternYaml(const Pattern& p) {
   const char* axis = p.axis == Axis::kU ? "u" : "v";
   std::string text;
   switch (p.kind) {
     case PatternKind::kWhite:
-      return "{kind: white}";
+      text = "kind: white";
+      break;
     case PatternKind::kBlack:
-      return "{kind: black}";
+      text = "kind: black";
+      break;
     case PatternKind::kGray:
-      text = fmt::format("{{kind: gray, axis: {}, bit: {}, inverse: {}", axis, p.bit, p.inverse);
-      if (p.cell_px != 1) text += fmt::format(", cell_px: {}", p.cell_px);
-      if (p.offset_px != 0.0) text += fmt::format(", offset_px: {}", p.offset_px);
-      return text + "}";
+      text = fmt::format("kind: gray, axis: {}", axis) + GrayYaml(p);
+      break;
     case PatternKind::kPhase:
-      text = fmt::format("{{kind: phase, axis: {}, fringes: {}, step: {}, steps: {}", axis,
-                         p.fringes, p.step, p.steps);
-      if (p.phase_sign != 1.0) text += fmt::format(", phase_sign: {}", p.phase_sign);
-      if (p.phase_offset_rad != 0.0) {
-        text += fmt::format(", phase_offset_rad: {}", p.phase_offset_rad);
-      }
-      return text + "}";
+      text = fmt::format("kind: phase, axis: {}", axis) + FringeYaml(p);
+      break;
+    case PatternKind::kMicro:
+      text = fmt::format("kind: micro, axis: {}", axis) + FringeYaml(p);
+      break;
   }
-  return text;
+  if (p.exposure_ratio != 1.0) text += fmt::format(", exposure_ratio: {}", p.exposure_ratio);
+  return "{" + text + "}";
 }
 
 }  // namespace

@@ -16,13 +16,28 @@ struct Layer {
   const char* file;
   Image<float> PhaseMap::*image;
   bool required;
+  bool PhaseMap::*relative = nullptr;  ///< set where the file name says that values are relative
 };
-constexpr std::array<Layer, 6> kLayers = {{{"u.tiff", &PhaseMap::u, false},
-                                           {"v.tiff", &PhaseMap::v, false},
-                                           {"sigma_u.tiff", &PhaseMap::sigma_u, false},
-                                           {"sigma_v.tiff", &PhaseMap::sigma_v, false},
-                                           {"offset.tiff", &PhaseMap::offset, false},
-                                           {"modulation.tiff", &PhaseMap::modulation, true}}};
+// Relative coordinates have names of their own: no reader takes them for absolute ones.
+constexpr std::array<Layer, 9> kLayers = {
+    {{"u.tiff", &PhaseMap::u, false},
+     {"v.tiff", &PhaseMap::v, false},
+     {"relative_u.tiff", &PhaseMap::u, false, &PhaseMap::relative_u},
+     {"relative_v.tiff", &PhaseMap::v, false, &PhaseMap::relative_v},
+     {"sigma_u.tiff", &PhaseMap::sigma_u, false},
+     {"sigma_v.tiff", &PhaseMap::sigma_v, false},
+     {"offset.tiff", &PhaseMap::offset, false},
+     {"modulation.tiff", &PhaseMap::modulation, true},
+     {"order_error.tiff", &PhaseMap::order_error, false}}};
+
+// Whether the layer holds its image: each coordinate goes to one of its two files.
+bool HoldsImage(const Layer& layer, const PhaseMap& phase) {
+  const Image<float>& image = phase.*layer.image;
+  if (image.empty()) return false;
+  if (&image == &phase.u) return phase.relative_u == (layer.relative != nullptr);
+  if (&image == &phase.v) return phase.relative_v == (layer.relative != nullptr);
+  return true;
+}
 
 constexpr const char* kTextureFile = "texture.png";
 constexpr const char* kMaskFile = "mask.png";
@@ -69,6 +84,7 @@ Status ReadLayers(PhaseMap& phase, const fs::path& folder) {
     if (!image) return tl::unexpected<Error>(image.error());
     if (Status status = CheckSize(*image, phase, path); !status) return status;
     phase.*layer.image = std::move(*image);
+    if (layer.relative != nullptr) phase.*layer.relative = true;
   }
   // Pictures made by others may lack what only serves display.
   if (phase.offset.empty()) {
@@ -94,7 +110,7 @@ Status WriteLayers(const PhaseMap& phase, const std::string& owner, const fs::pa
   if (Status status = CheckSize(phase.mask, phase, owner + ": mask"); !status) return status;
   for (const Layer& layer : kLayers) {
     const Image<float>& image = phase.*layer.image;
-    if (image.empty()) continue;
+    if (!HoldsImage(layer, phase)) continue;
     if (Status status = CheckSize(image, phase, owner + ": " + layer.file); !status) return status;
     if (Status status = WriteImage(image, (folder / layer.file).string()); !status) return status;
   }

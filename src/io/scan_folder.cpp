@@ -167,7 +167,8 @@ bool SamePatterns(const PatternSequence& a, const PatternSequence& b) {
   const auto same = [](const Pattern& p, const Pattern& q) {
     return PatternName(p) == PatternName(q) && p.fringes == q.fringes && p.cell_px == q.cell_px &&
            p.offset_px == q.offset_px && p.phase_sign == q.phase_sign &&
-           p.phase_offset_rad == q.phase_offset_rad;
+           p.phase_offset_rad == q.phase_offset_rad && p.exposure_ratio == q.exposure_ratio &&
+           p.carrier_period_px == q.carrier_period_px;
   };
   return a.width == b.width && a.height == b.height &&
          std::equal(a.frames.begin(), a.frames.end(), b.frames.begin(), b.frames.end(), same);

@@ -164,7 +164,7 @@ Result<CapturedFrame> ScannerNode::TryFrame(const ScanViewGoal& goal, std::size_
   if (!shown) return Forward(shown);
   const std::int64_t shown_ns = ros_io::FromRosTime(ros::Time::now());
   Capture::Request capture;
-  capture.exposure = setup_.config.exposure_s;
+  capture.exposure = setup_.config.exposure_s * setup_.sequence.frames[index].exposure_ratio;
   capture.gain = setup_.config.gain;
   capture.timeout = ros::Duration(setup_.config.capture_timeout_s);
   capture.view_id = goal.view_id;

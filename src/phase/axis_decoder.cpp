@@ -3,153 +3,180 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
 namespace fringe_fusion::decode {
 namespace {
 
 constexpr double kTwoPi = 6.28318530717958647692;
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr auto kValid = static_cast<std::int32_t>(MaskReason::kValid);
+constexpr auto kDoubtful = static_cast<std::int32_t>(MaskReason::kDoubtfulOrder);
+constexpr auto kOutside = static_cast<std::int32_t>(MaskReason::kOutsideProjector);
+// Log odds of a pixel whose order is not in question.
+constexpr float kCertain = 1e6F;
 
-AxisPixel Invalid(AxisPixel pixel, MaskReason reason) {
-  pixel.coordinate_px = kNan;
-  pixel.sigma_px = kNan;
-  pixel.reason = reason;
-  return pixel;
+// What is checked first explains most: without light no fit, without a fit no order.
+int Rank(std::int32_t status) {
+  switch (static_cast<MaskReason>(status)) {
+    case MaskReason::kSaturated:
+      return 3;
+    case MaskReason::kLowModulation:
+      return 2;
+    case MaskReason::kValid:
+      return 0;
+    default:
+      return 1;
+  }
 }
 
 }  // namespace
 
-AxisDecoder::AxisDecoder(const AxisPlan& plan, const PhaseConfig& config, int width)
-    : plan_(plan), config_(config) {
-  if (plan.gray) gray_.emplace(*plan.gray, config, width);
-  for (const PhaseSet& set : plan.sets) fits_.emplace_back(set, width);
+AxisDecoder::AxisDecoder(const AxisPlan& plan, const DecodeContext& context)
+    : plan_(plan), context_(context), row_(context.stride()) {
+  if (plan.gray) gray_.emplace(*plan.gray, context);
+  for (const PhaseSet& set : plan.sets) fits_.emplace_back(set, context);
+  if (plan.unwrapping == Unwrapping::kJoint) joint_.emplace(plan.sets, plan.size_px, context);
+  if (!plan.micro.empty()) micro_.emplace(plan, context);
   repeats_over_size_ = !plan.gray && !plan.sets.empty() && plan.sets.front().fringes == 1.0 &&
                        std::all_of(plan.sets.begin(), plan.sets.end(), [](const PhaseSet& set) {
                          return set.fringes == std::round(set.fringes);
                        });
 }
 
-void AxisDecoder::Run(const FrameRows& rows) {
+const AxisRow& AxisDecoder::Run(const FrameRows& rows) {
   if (gray_) gray_->Run(rows);
   for (StepFit& fit : fits_) fit.Run(rows);
-}
-
-AxisPixel AxisDecoder::Decode(std::size_t x, float full_scale_dn) const {
-  if (fits_.empty()) return DecodeGray(x);
-  const MaskReason reason = CheckSets(x, full_scale_dn);
-  if (reason == MaskReason::kValid) return DecodePhases(x);
-  AxisPixel pixel;
-  pixel.offset_dn = fits_.back().offset_dn(x);
-  pixel.modulation_dn = fits_.back().modulation_dn(x);
-  return Invalid(pixel, reason);
-}
-
-MaskReason AxisDecoder::CheckSets(std::size_t x, float full_scale_dn) const {
-  const auto saturation = static_cast<float>(config_.saturation_ratio) * full_scale_dn;
-  for (const StepFit& fit : fits_) {
-    if (!(fit.peak_dn(x) < saturation)) return MaskReason::kSaturated;
-  }
-  for (const StepFit& fit : fits_) {
-    const float variance = NoiseVariance(config_, fit.offset_dn(x));
-    const float b = fit.modulation_dn(x);
-    const auto least = static_cast<float>(config_.min_modulation_sigma);
-    if (!(b * b >= least * least * variance) || !(b > 0.0F)) return MaskReason::kLowModulation;
-    if (fit.num_steps() < 4.0F) continue;
-    // Harmonics of a projector gamma that was not undone are no reason to drop a pixel: they shift
-    // the phase by a small, known amount (science section 2.2). Their share of B is let through.
-    const auto noise = static_cast<float>(config_.max_residual_sigma);
-    const float harmonics = static_cast<float>(config_.max_harmonic_ratio) * b;
-    const float limit = noise * noise * variance * (fit.num_steps() - 3.0F) +
-                        harmonics * harmonics * fit.num_steps();
-    if (!(fit.residual_dn2(x) <= limit)) return MaskReason::kResidual;
-  }
-  return MaskReason::kValid;
-}
-
-AxisPixel AxisDecoder::DecodeGray(std::size_t x) const {
-  AxisPixel pixel;
-  pixel.offset_dn = gray_->offset_dn(x);
-  pixel.modulation_dn = gray_->modulation_dn(x);
-  const GrayInterval interval = gray_->Cell(x);
-  if (!std::isfinite(interval.centre_px)) return Invalid(pixel, MaskReason::kDoubtfulOrder);
-  if (!(interval.centre_px >= -0.5 && interval.centre_px <= plan_.size_px - 0.5)) {
-    return Invalid(pixel, MaskReason::kOutsideProjector);
-  }
-  pixel.coordinate_px = static_cast<float>(interval.centre_px);
-  // A uniform error of +-half has the standard deviation half / sqrt(3).
-  pixel.sigma_px = static_cast<float>(interval.half_px / std::sqrt(3.0));
-  return pixel;
-}
-
-AxisPixel AxisDecoder::DecodePhases(std::size_t x) const {
-  AxisPixel pixel;
-  pixel.offset_dn = fits_.back().offset_dn(x);
-  pixel.modulation_dn = fits_.back().modulation_dn(x);
-  Estimate estimate;
-  if (gray_) {
-    const GrayInterval interval = gray_->Interval(x);
-    if (!std::isfinite(interval.centre_px)) return Invalid(pixel, MaskReason::kDoubtfulOrder);
-    estimate.coordinate_px = interval.centre_px;
-    estimate.half_px = interval.half_px;
+  std::fill(row_.log_odds.begin(), row_.log_odds.end(), kCertain);
+  if (micro_) {
+    DecodeMicro(rows);
+  } else if (fits_.empty()) {
+    DecodeGray();
+    return row_;
   } else {
-    const double period_px = plan_.size_px / plan_.sets.front().fringes;
-    estimate.coordinate_px = 0.5 * period_px - 0.5;
-    estimate.half_px = 0.5 * period_px;
+    MergeSets();
+    if (joint_) {
+      DecodeJoint();
+    } else {
+      StartNested();
+      for (std::size_t set = 0; set < fits_.size(); ++set) Nest(set);
+    }
   }
-  for (const StepFit& fit : fits_) {
-    if (!AddSet(fit, x, estimate)) return Invalid(pixel, MaskReason::kDoubtfulOrder);
+  if (plan_.unwrapping != Unwrapping::kRelative) {
+    CheckOrders();
+    FinishPhases();
   }
-  const double coordinate_px = WrapIntoProjector(estimate.coordinate_px);
-  const double sigma_px = 1.0 / std::sqrt(estimate.information);
-  // Where the code repeats, a pixel this close to the border may belong to the opposite one.
-  const double margin_px = repeats_over_size_ ? 3.0 * sigma_px : 0.0;
-  if (!(coordinate_px >= -0.5 + margin_px && coordinate_px <= plan_.size_px - 0.5 - margin_px)) {
-    return Invalid(pixel, MaskReason::kOutsideProjector);
-  }
-  pixel.coordinate_px = static_cast<float>(coordinate_px);
-  pixel.sigma_px = static_cast<float>(sigma_px);
-  return pixel;
+  return row_;
 }
 
-bool AxisDecoder::AddSet(const StepFit& fit, std::size_t x, Estimate& estimate) const {
-  const PhaseSet& set = fit.set();
-  const double period_px = plan_.size_px / set.fringes;
-  const double px_per_rad = period_px / kTwoPi;
-  // Science 2.4: u = W Phi / (2 pi f) - 1/2, once sign and offset of the pattern are undone.
-  const double wrapped_px =
-      px_per_rad * (set.sign * static_cast<double>(fit.phase_rad(x)) - set.offset_rad) - 0.5;
-  const double order = std::round((estimate.coordinate_px - wrapped_px) / period_px);
-  const double unwrapped_px = wrapped_px + order * period_px;
-  const double error_px = std::abs(unwrapped_px - estimate.coordinate_px);
-  // Science 2.1: var phi = 2 sigma_I^2 / (N B^2).
-  const double b = static_cast<double>(fit.modulation_dn(x));
-  const double variance_rad2 = 2.0 * static_cast<double>(NoiseVariance(config_, fit.offset_dn(x))) /
-                               (static_cast<double>(fit.num_steps()) * b * b);
-  const double information = 1.0 / (px_per_rad * px_per_rad * variance_rad2);
-  // An interval says nothing about where in it the pixel lies, so any phase inside agrees. It
-  // leaves the order open when the next order agrees as well. (The ends of a first set that repeats
-  // over the projector are sorted out by WrapIntoProjector.)
-  const double half_px = estimate.half_px;
-  if (!(error_px <= std::max(config_.max_order_error_ratio * period_px, 1.01 * half_px))) {
-    return false;
+// The worst status of all sets; grey values are those of the finest.
+void AxisDecoder::MergeSets() {
+  const SetRow& finest = fits_.back().row();
+  std::copy_n(finest.offset.begin(), context_.width, row_.offset_dn.begin());
+  std::copy_n(finest.modulation.begin(), context_.width, row_.modulation_dn.begin());
+  std::copy_n(finest.status.begin(), context_.width, row_.status.begin());
+  for (std::size_t set = 0; set + 1 < fits_.size(); ++set) {
+    const std::vector<std::int32_t>& status = fits_[set].row().status;
+    for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+      if (status[x] != kValid && Rank(status[x]) > Rank(row_.status[x])) row_.status[x] = status[x];
+    }
   }
-  const bool open_ended = repeats_over_size_ && estimate.information == 0.0;
-  const double margin_px = 4.0 / std::sqrt(information);
-  if (!open_ended && half_px > 0.0 && !(period_px - error_px > half_px + margin_px)) return false;
-  estimate.information += information;
-  estimate.weighted_sum += information * unwrapped_px;
-  estimate.coordinate_px = estimate.weighted_sum / estimate.information;
-  estimate.half_px = 0.0;
-  return true;
+}
+
+void AxisDecoder::DecodeGray() {
+  for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+    row_.offset_dn[x] = gray_->offset_dn(x);
+    row_.modulation_dn[x] = gray_->modulation_dn(x);
+    const GrayInterval interval = gray_->Cell(x);
+    const bool read = std::isfinite(interval.centre_px);
+    const bool inside = interval.centre_px >= -0.5 && interval.centre_px <= plan_.size_px - 0.5;
+    row_.status[x] = !read ? kDoubtful : (!inside ? kOutside : kValid);
+    row_.coordinate_px[x] = static_cast<float>(interval.centre_px);
+    // A uniform error of +-half has the standard deviation half / sqrt(3).
+    row_.variance_px2[x] = static_cast<float>(interval.half_px * interval.half_px / 3.0);
+  }
+}
+
+void AxisDecoder::StartNested() {
+  if (!gray_) return;
+  for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+    const GrayInterval interval = gray_->Interval(x);
+    const bool read = std::isfinite(interval.centre_px);
+    row_.coordinate_px[x] = read ? static_cast<float>(interval.centre_px) : 0.0F;
+    row_.half_px[x] = read ? static_cast<float>(interval.half_px) : 0.0F;
+    if (!read && row_.status[x] == kValid) row_.status[x] = kDoubtful;
+  }
+}
+
+void AxisDecoder::Nest(std::size_t set) {
+  const PhaseConfig& config = context_.config;
+  const SetRow& fit = fits_[set].row();
+  NestArgs args;
+  args.cycles = fit.cycles.data();
+  args.variance = fit.variance.data();
+  args.period_px = static_cast<float>(plan_.size_px / plan_.sets[set].fringes);
+  args.period_before_px =
+      set == 0 ? 0.0F : static_cast<float>(plan_.size_px / plan_.sets[set - 1].fringes);
+  args.open = set == 0 && !gray_;
+  args.interval = set == 0 && gray_.has_value();
+  args.phase_error = static_cast<float>(config.phase_error_rad / kTwoPi);
+  args.max_order_error = static_cast<float>(config.max_order_error_ratio);
+  args.max_level_sigma = static_cast<float>(config.max_level_sigma);
+  args.half_px = row_.half_px.data();
+  args.coordinate_px = row_.coordinate_px.data();
+  args.variance_px2 = row_.variance_px2.data();
+  args.log_odds = row_.log_odds.data();
+  args.status = row_.status.data();
+  context_.kernels.nest(args, context_.width);
+}
+
+void AxisDecoder::Store(std::size_t x, const Unwrapped& pixel) {
+  row_.coordinate_px[x] = static_cast<float>(pixel.coordinate_px);
+  row_.variance_px2[x] = static_cast<float>(pixel.variance_px2);
+  row_.log_odds[x] = static_cast<float>(pixel.log_odds);
+  if (row_.status[x] == kValid) row_.status[x] = static_cast<std::int32_t>(pixel.reason);
+}
+
+void AxisDecoder::DecodeJoint() {
+  for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+    if (row_.status[x] == kValid) Store(x, joint_->Run(fits_, x));
+  }
+}
+
+void AxisDecoder::DecodeMicro(const FrameRows& rows) {
+  micro_->Load(rows);
+  for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+    row_.status[x] = kValid;
+    Store(x, micro_->Run(x));
+    row_.offset_dn[x] = static_cast<float>(micro_->offset_dn());
+    row_.modulation_dn[x] = static_cast<float>(micro_->modulation_dn());
+  }
+}
+
+// A wrong order has the probability 1 / (1 + exp(log odds)) at each step, and the worst step rules.
+void AxisDecoder::CheckOrders() {
+  const double wrong = context_.config.max_wrong_order_ratio;
+  const auto least = static_cast<float>(std::log((1.0 - wrong) / wrong));
+  for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+    const bool open = row_.status[x] == kValid ||
+                      row_.status[x] == static_cast<std::int32_t>(MaskReason::kResidual);
+    if (open && !(row_.log_odds[x] >= least)) row_.status[x] = kDoubtful;
+  }
 }
 
 // The coarsest set of exactly one fringe jumps by the projector size at its ends, where noise
-// decides the side. Finer sets repeat over the size too, so only the fused value can tell.
-double AxisDecoder::WrapIntoProjector(double coordinate_px) const {
-  if (!repeats_over_size_) return coordinate_px;
-  const double size_px = plan_.size_px;
-  return coordinate_px - size_px * std::floor((coordinate_px + 0.5) / size_px);
+// decides the side. Finer sets repeat over the size too, so only the fused value can tell; a pixel
+// this close to the border may belong to the opposite one.
+void AxisDecoder::FinishPhases() {
+  const auto size = static_cast<float>(plan_.size_px);
+  const float inverse_size = 1.0F / size;
+  const float wrap = repeats_over_size_ ? 1.0F : 0.0F;
+  for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) {
+    const float turns = std::floor((row_.coordinate_px[x] + 0.5F) * inverse_size);
+    const float coordinate = row_.coordinate_px[x] - wrap * size * turns;
+    row_.coordinate_px[x] = coordinate;
+    const float margin = wrap * 3.0F * std::sqrt(row_.variance_px2[x]);
+    const bool inside = coordinate >= -0.5F + margin && coordinate <= size - 0.5F - margin;
+    if (row_.status[x] == kValid && !inside) row_.status[x] = kOutside;
+  }
 }
 
 }  // namespace fringe_fusion::decode

@@ -1,52 +1,65 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "gray_fit.hpp"
+#include "joint_unwrap.hpp"
+#include "micro_fit.hpp"
 #include "step_fit.hpp"
 
 namespace fringe_fusion::decode {
 
-/// One decoded coordinate of one pixel.
-struct AxisPixel {
-  float coordinate_px = 0.0F;  ///< NaN unless reason is kValid
-  float sigma_px = 0.0F;
-  float offset_dn = 0.0F;
-  float modulation_dn = 0.0F;
-  MaskReason reason = MaskReason::kValid;
+/// Decoded coordinates of one row.
+struct AxisRow {
+  explicit AxisRow(std::size_t size)
+      : coordinate_px(size),
+        variance_px2(size),
+        log_odds(size),
+        offset_dn(size),
+        modulation_dn(size),
+        status(size),
+        half_px(size) {}
+
+  std::vector<float> coordinate_px;
+  std::vector<float> variance_px2;
+  std::vector<float> log_odds;  ///< of the fringe order against the others, least of all steps
+  std::vector<float> offset_dn;
+  std::vector<float> modulation_dn;
+  std::vector<std::int32_t> status;  ///< MaskReason
+  std::vector<float> half_px;        ///< half of the interval that the Gray code leaves open
 };
 
-/// Decodes one axis row by row: fits every phase set, reads the Gray code, unwraps from coarse to
-/// fine and fuses all phase sets by inverse variance. One object per thread.
+/// Decodes one axis row by row: fits every phase set, reads the Gray code, finds the fringe orders
+/// by likelihood and fuses all phase sets by inverse variance. One object per thread.
 /// Ref: science sections 2.1, 2.3, 2.4.
 class AxisDecoder {
  public:
-  AxisDecoder(const AxisPlan& plan, const PhaseConfig& config, int width);
+  AxisDecoder(const AxisPlan& plan, const DecodeContext& context);
 
-  void Run(const FrameRows& rows);
-  /// @param full_scale_dn largest grey value of the stack.
-  [[nodiscard]] AxisPixel Decode(std::size_t x, float full_scale_dn) const;
+  /// Coordinates hold their values also where status tells why they must not be used.
+  const AxisRow& Run(const FrameRows& rows);
 
  private:
-  struct Estimate {
-    double coordinate_px = 0.0;
-    double half_px = 0.0;       ///< half of the interval that the Gray code leaves open
-    double information = 0.0;   ///< 1 / variance of the fused phases [1/px^2]
-    double weighted_sum = 0.0;  ///< sum of information times coordinate
-  };
+  void MergeSets();
+  void DecodeGray();
+  void StartNested();
+  void Nest(std::size_t set);
+  void DecodeJoint();
+  void DecodeMicro(const FrameRows& rows);
+  void Store(std::size_t x, const Unwrapped& pixel);
+  void CheckOrders();
+  void FinishPhases();
 
-  [[nodiscard]] MaskReason CheckSets(std::size_t x, float full_scale_dn) const;
-  [[nodiscard]] AxisPixel DecodeGray(std::size_t x) const;
-  [[nodiscard]] AxisPixel DecodePhases(std::size_t x) const;
-  [[nodiscard]] bool AddSet(const StepFit& fit, std::size_t x, Estimate& estimate) const;
-  [[nodiscard]] double WrapIntoProjector(double coordinate_px) const;
-
-  AxisPlan plan_;
-  PhaseConfig config_;
+  const AxisPlan& plan_;
+  DecodeContext context_;
   bool repeats_over_size_ = false;  ///< every phase repeats after exactly one projector size
   std::optional<GrayFit> gray_;
   std::vector<StepFit> fits_;
+  std::optional<JointUnwrap> joint_;
+  std::optional<MicroFit> micro_;
+  AxisRow row_;
 };
 
 }  // namespace fringe_fusion::decode

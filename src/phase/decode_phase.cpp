@@ -10,16 +10,19 @@
 #include "gray_cells.hpp"
 #include "gray_smoothing.hpp"
 #include "phase_mask.hpp"
+#include "spatial_unwrap.hpp"
 
 namespace fringe_fusion {
 namespace {
 
 using decode::AxisDecoder;
-using decode::AxisPixel;
 using decode::AxisPlan;
+using decode::AxisRow;
 using decode::CoordinateImage;
+using decode::DecodeContext;
 using decode::DecodePlan;
 using decode::FrameRows;
+using decode::Unwrapping;
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr int kRowsPerChunk = 16;
@@ -41,17 +44,6 @@ PhaseMap MakePhaseMap(const ImageStack& stack, const DecodePlan& plan) {
   return map;
 }
 
-// Without light from the projector nothing can be decoded; with ambient light on it the pixel
-// does show a surface, so it lies in the projector's shadow or outside its picture.
-MaskReason CheckLight(const FrameRows& rows, std::size_t x, const DecodePlan& plan,
-                      const PhaseConfig& config) {
-  const float contrast = rows.bright()[x] - rows.dark()[x];
-  if (contrast >= static_cast<float>(config.min_contrast_dn)) return MaskReason::kValid;
-  const bool lit_by_others = !plan.black_frames.empty() &&
-                             rows.dark()[x] >= 2.0F * static_cast<float>(config.min_contrast_dn);
-  return lit_by_others ? MaskReason::kShadow : MaskReason::kTooDark;
-}
-
 Rgb8 GreyOf(float grey_dn, float full_scale_dn) {
   const float byte = std::clamp(255.0F * grey_dn / full_scale_dn, 0.0F, 255.0F);
   const auto value = static_cast<std::uint8_t>(std::lround(byte));
@@ -61,75 +53,105 @@ Rgb8 GreyOf(float grey_dn, float full_scale_dn) {
 /// Decoders of one thread's chunk of rows.
 class RowDecoder {
  public:
-  RowDecoder(const ImageStack& stack, const DecodePlan& plan, const PhaseConfig& config)
-      : plan_(plan), config_(config), has_color_(stack.color.has_value()), rows_(stack, plan) {
-    if (plan.u.IsCoded()) u_.emplace(plan.u, config, rows_.width());
-    if (plan.v.IsCoded()) v_.emplace(plan.v, config, rows_.width());
+  RowDecoder(const ImageStack& stack, const DecodeContext& context)
+      : context_(context), has_color_(stack.color.has_value()), rows_(stack, context) {
+    if (context.plan.u.IsCoded()) u_.emplace(context.plan.u, context);
+    if (context.plan.v.IsCoded()) v_.emplace(context.plan.v, context);
   }
 
   void Run(int y, PhaseMap& map) {
     rows_.Load(y);
-    if (u_) u_->Run(rows_);
-    if (v_) v_->Run(rows_);
-    for (int x = 0; x < map.width; ++x) DecodePixel(x, y, map);
+    const AxisRow* u = u_ ? &u_->Run(rows_) : nullptr;
+    const AxisRow* v = v_ ? &v_->Run(rows_) : nullptr;
+    if (u == nullptr) u = v;
+    if (v == nullptr) v = u;
+    for (int x = 0; x < map.width; ++x) {
+      const auto i = static_cast<std::size_t>(x);
+      map.offset(x, y) = 0.5F * (u->offset_dn[i] + v->offset_dn[i]);
+      map.modulation(x, y) = std::min(u->modulation_dn[i], v->modulation_dn[i]);
+      map.mask(x, y) = static_cast<std::uint8_t>(Judge(i, u->status[i], v->status[i]));
+    }
+    if (u_) StoreAxis(*u, y, map.mask, map.u, map.sigma_u);
+    if (v_) StoreAxis(*v, y, map.mask, map.v, map.sigma_v);
+    if (!has_color_) StoreTexture(y, map);
+    if (!map.order_error.empty()) StoreOrderError(*u, *v, y, map);
   }
 
  private:
-  void DecodePixel(int x, int y, PhaseMap& map) {
-    const auto column = static_cast<std::size_t>(x);
-    AxisPixel u;
-    AxisPixel v;
-    if (u_) u = u_->Decode(column, rows_.full_scale_dn());
-    if (v_) v = v_->Decode(column, rows_.full_scale_dn());
-    if (!u_) u = AxisPixel{kNan, kNan, v.offset_dn, v.modulation_dn, MaskReason::kValid};
-    if (!v_) v = AxisPixel{kNan, kNan, u.offset_dn, u.modulation_dn, MaskReason::kValid};
-    map.offset(x, y) = 0.5F * (u.offset_dn + v.offset_dn);
-    map.modulation(x, y) = std::min(u.modulation_dn, v.modulation_dn);
-    if (!has_color_) map.color(x, y) = GreyOf(Texture(column, map, y), rows_.full_scale_dn());
-    MaskReason reason = CheckLight(rows_, column, plan_, config_);
-    if (reason == MaskReason::kValid) reason = u.reason;
-    if (reason == MaskReason::kValid) reason = v.reason;
-    map.mask(x, y) = static_cast<std::uint8_t>(reason);
-    if (reason != MaskReason::kValid) return;
-    if (u_) {
-      map.u(x, y) = u.coordinate_px;
-      map.sigma_u(x, y) = u.sigma_px;
+  // Without light from the projector nothing can be decoded; with ambient light on it the pixel
+  // does show a surface, so it lies in the projector's shadow or outside its picture.
+  [[nodiscard]] MaskReason CheckLight(std::size_t x) const {
+    const auto least = static_cast<float>(context_.config.min_contrast_dn);
+    bool lit_by_others = false;
+    for (std::size_t group = 0; group < context_.plan.groups.size(); ++group) {
+      const float dark = rows_.dark(static_cast<int>(group))[x];
+      if (rows_.bright(static_cast<int>(group))[x] - dark >= least) return MaskReason::kValid;
+      const bool has_black = !context_.plan.groups[group].black_frames.empty();
+      lit_by_others = lit_by_others || (has_black && dark >= 2.0F * least);
     }
-    if (v_) {
-      map.v(x, y) = v.coordinate_px;
-      map.sigma_v(x, y) = v.sigma_px;
+    return lit_by_others ? MaskReason::kShadow : MaskReason::kTooDark;
+  }
+
+  [[nodiscard]] MaskReason Judge(std::size_t x, std::int32_t u, std::int32_t v) const {
+    const MaskReason light = CheckLight(x);
+    if (light != MaskReason::kValid) return light;
+    return static_cast<MaskReason>(u != 0 ? u : v);
+  }
+
+  static void StoreAxis(const AxisRow& row, int y, const Image<std::uint8_t>& mask,
+                        Image<float>& coordinate, Image<float>& sigma) {
+    const std::uint8_t* reasons = mask.row(y);
+    float* value = coordinate.row(y);
+    float* deviation = sigma.row(y);
+    for (std::size_t x = 0; x < static_cast<std::size_t>(mask.width()); ++x) {
+      const bool valid = reasons[x] == 0;
+      value[x] = valid ? row.coordinate_px[x] : kNan;
+      deviation[x] = valid ? std::sqrt(row.variance_px2[x]) : kNan;
     }
   }
 
-  // The white frame, or A + B where none was taken.
-  [[nodiscard]] float Texture(std::size_t column, const PhaseMap& map, int y) const {
-    if (!plan_.white_frames.empty()) return rows_.bright()[column];
-    const int x = static_cast<int>(column);
-    return map.offset(x, y) + map.modulation(x, y);
+  // The white frame at the exposure of the scan, or A + B where none was taken.
+  void StoreTexture(int y, PhaseMap& map) const {
+    const int group = context_.plan.reference_group;
+    const auto& white = context_.plan.groups[static_cast<std::size_t>(group)].white_frames;
+    const float* bright = rows_.bright(group);
+    for (int x = 0; x < map.width; ++x) {
+      const float grey = white.empty() ? map.offset(x, y) + map.modulation(x, y) : bright[x];
+      map.color(x, y) = GreyOf(grey, context_.full_scale_dn);
+    }
   }
 
-  const DecodePlan& plan_;
-  const PhaseConfig& config_;
+  static void StoreOrderError(const AxisRow& u, const AxisRow& v, int y, PhaseMap& map) {
+    for (int x = 0; x < map.width; ++x) {
+      const auto i = static_cast<std::size_t>(x);
+      const float odds = std::min(u.log_odds[i], v.log_odds[i]);
+      map.order_error(x, y) = map.mask(x, y) == 0 || map.mask(x, y) == kDoubtful
+                                  ? 1.0F / (1.0F + std::exp(odds))
+                                  : kNan;
+    }
+  }
+
+  static constexpr auto kDoubtful = static_cast<std::uint8_t>(MaskReason::kDoubtfulOrder);
+
+  DecodeContext context_;
   bool has_color_ = false;
   FrameRows rows_;
   std::optional<AxisDecoder> u_;
   std::optional<AxisDecoder> v_;
 };
 
-Status DecodeRows(const ImageStack& stack, const DecodePlan& plan, const PhaseConfig& config,
-                  const Progress& progress, PhaseMap& map) {
+Status DecodeRows(const ImageStack& stack, const DecodeContext& context, const Progress& progress,
+                  PhaseMap& map) {
   for (int first = 0; first < map.height; first += kRowsPerReport) {
     if (!progress("decode", static_cast<double>(first) / map.height)) return Fail("{}", kCancelled);
     const int count = std::min(kRowsPerReport, map.height - first);
     ParallelFor(count, kRowsPerChunk, [&](int begin, int end) {
-      RowDecoder decoder(stack, plan, config);
+      RowDecoder decoder(stack, context);
       for (int y = first + begin; y < first + end; ++y) decoder.Run(y, map);
     });
   }
   return {};
 }
-
-bool IsGrayAlone(const AxisPlan& plan) { return plan.gray.has_value() && plan.sets.empty(); }
 
 void SmoothGrayAxis(const PhaseConfig& config, Image<float>& value, Image<float>& sigma) {
   CoordinateImage smooth =
@@ -141,8 +163,8 @@ void SmoothGrayAxis(const PhaseConfig& config, Image<float>& value, Image<float>
 
 // A Gray code alone has whole cells: their rounding is taken out here.
 PhaseMap RefineGrayCode(PhaseMap map, const DecodePlan& plan, const PhaseConfig& config) {
-  const bool gray_u = IsGrayAlone(plan.u);
-  const bool gray_v = IsGrayAlone(plan.v);
+  const bool gray_u = plan.u.IsGrayAlone();
+  const bool gray_v = plan.v.IsGrayAlone();
   if (gray_u && gray_v && config.gray_one_per_cell) {
     return decode::KeepOnePixelPerCell(std::move(map), *plan.u.gray, *plan.v.gray, config);
   }
@@ -150,6 +172,18 @@ PhaseMap RefineGrayCode(PhaseMap map, const DecodePlan& plan, const PhaseConfig&
   if (gray_u) SmoothGrayAxis(config, map.u, map.sigma_u);
   if (gray_v) SmoothGrayAxis(config, map.v, map.sigma_v);
   return map;
+}
+
+// The edge mask looks for jumps, so the jumps of the wrapped phase go first.
+void UnwrapRelative(const DecodePlan& plan, PhaseMap& map) {
+  const auto unwrap = [](const AxisPlan& axis, Image<float>& coordinate) {
+    const double period_px = axis.size_px / axis.sets.front().fringes;
+    coordinate = decode::UnwrapOverImage(coordinate, period_px);
+  };
+  map.relative_u = plan.u.IsCoded() && plan.u.unwrapping == Unwrapping::kRelative;
+  map.relative_v = plan.v.IsCoded() && plan.v.unwrapping == Unwrapping::kRelative;
+  if (map.relative_u) unwrap(plan.u, map.u);
+  if (map.relative_v) unwrap(plan.v, map.v);
 }
 
 }  // namespace
@@ -194,12 +228,17 @@ Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
   if (Status status = Validate(stack, fmt::format("phase: view {}", stack.view_id)); !status) {
     return tl::unexpected<Error>(status.error());
   }
-  const Result<DecodePlan> plan = decode::MakeDecodePlan(stack.sequence);
+  const Result<DecodePlan> plan =
+      decode::MakeDecodePlan(stack.sequence, decode::TakenExposures(stack));
   if (!plan) return Forward(plan);
   PhaseMap map = MakePhaseMap(stack, *plan);
-  if (Status status = DecodeRows(stack, *plan, config, progress, map); !status) {
+  if (config.report_order_error) map.order_error = Image<float>(map.width, map.height, kNan);
+  const auto full_scale_dn = static_cast<float>((1 << stack.frames.front().bit_depth) - 1);
+  const DecodeContext context{*plan, config, decode::BestKernels(), map.width, full_scale_dn};
+  if (Status status = DecodeRows(stack, context, progress, map); !status) {
     return tl::unexpected<Error>(status.error());
   }
+  UnwrapRelative(*plan, map);
   map = decode::MaskEdges(std::move(map), config);
   map = RefineGrayCode(std::move(map), *plan, config);
   if (!progress("decode", 1.0)) return Fail("{}", kCancelled);

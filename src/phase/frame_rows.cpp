@@ -2,54 +2,54 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <type_traits>
 
 namespace fringe_fusion::decode {
 
-FrameRows::FrameRows(const ImageStack& stack, const DecodePlan& plan)
-    : stack_(stack), plan_(plan), width_(Width(stack.frames.front())) {
-  const auto width = static_cast<std::size_t>(width_);
-  full_scale_dn_ = static_cast<float>((1 << stack.frames.front().bit_depth) - 1);
-  values_.resize(stack.frames.size() * width);
-  bright_.resize(width);
-  dark_.resize(width);
+FrameRows::FrameRows(const ImageStack& stack, const DecodeContext& context)
+    : stack_(stack), context_(context) {
+  values_.resize(stack.frames.size() * context.stride());
+  bright_.resize(context.plan.groups.size() * context.stride());
+  dark_.resize(context.plan.groups.size() * context.stride());
 }
 
 void FrameRows::Load(int y) {
-  const auto width = static_cast<std::size_t>(width_);
+  const Kernels& kernels = context_.kernels;
   for (std::size_t i = 0; i < stack_.frames.size(); ++i) {
-    float* out = values_.data() + i * width;
-    std::visit(
-        [&](const auto& image) {
-          const auto* in = image.row(y);
-          for (std::size_t x = 0; x < width; ++x) out[x] = static_cast<float>(in[x]);
-        },
-        stack_.frames[i].pixels);
-  }
-  const auto extreme = [&](std::vector<float>& out, auto pick) {
-    std::copy_n(values_.data(), width, out.begin());
-    for (std::size_t i = 1; i < stack_.frames.size(); ++i) {
-      const float* in = values_.data() + i * width;
-      for (std::size_t x = 0; x < width; ++x) out[x] = pick(out[x], in[x]);
+    float* out = values_.data() + i * context_.stride();
+    const FramePixels& pixels = stack_.frames[i].pixels;
+    if (const auto* bytes = std::get_if<Image<std::uint8_t>>(&pixels)) {
+      kernels.bytes_to_float(bytes->row(y), out, context_.width);
+    } else {
+      kernels.words_to_float(std::get<Image<std::uint16_t>>(pixels).row(y), out, context_.width);
     }
-  };
-  if (plan_.white_frames.empty()) {
-    extreme(bright_, [](float a, float b) { return a > b ? a : b; });
-  } else {
-    MeanOf(plan_.white_frames, bright_);
   }
-  if (plan_.black_frames.empty()) {
-    extreme(dark_, [](float a, float b) { return a < b ? a : b; });
-  } else {
-    MeanOf(plan_.black_frames, dark_);
-  }
+  for (std::size_t group = 0; group < context_.plan.groups.size(); ++group) FindRange(group);
 }
 
-void FrameRows::MeanOf(const std::vector<int>& frames, std::vector<float>& out) const {
-  std::fill(out.begin(), out.end(), 0.0F);
+void FrameRows::FindRange(std::size_t group) {
+  const ExposureGroup& exposure = context_.plan.groups[group];
+  float* high = bright_.data() + group * context_.stride();
+  float* low = dark_.data() + group * context_.stride();
+  if (exposure.white_frames.empty() || exposure.black_frames.empty()) {
+    const float* first = frame(exposure.frames.front());
+    std::copy_n(first, context_.width, high);
+    std::copy_n(first, context_.width, low);
+    for (const int i : exposure.frames) {
+      context_.kernels.extend_range(frame(i), low, high, context_.width);
+    }
+  }
+  if (!exposure.white_frames.empty()) MeanOf(exposure.white_frames, high);
+  if (!exposure.black_frames.empty()) MeanOf(exposure.black_frames, low);
+}
+
+void FrameRows::MeanOf(const std::vector<int>& frames, float* out) const {
+  const auto width = static_cast<std::size_t>(context_.width);
+  std::fill_n(out, width, 0.0F);
   const float share = 1.0F / static_cast<float>(frames.size());
   for (const int i : frames) {
     const float* in = frame(i);
-    for (std::size_t x = 0; x < out.size(); ++x) out[x] += share * in[x];
+    for (std::size_t x = 0; x < width; ++x) out[x] += share * in[x];
   }
 }
 

@@ -20,7 +20,7 @@ struct GrayInterval {
 /// bits (blur) leave a coarser cell. Anything else has no answer.
 class GrayFit {
  public:
-  GrayFit(const GrayCode& code, const PhaseConfig& config, int width);
+  GrayFit(const GrayCode& code, const DecodeContext& context);
 
   void Run(const FrameRows& rows);
 
@@ -40,11 +40,14 @@ class GrayFit {
   [[nodiscard]] GrayInterval Resolve(std::uint32_t word, std::uint32_t doubtful,
                                      int max_skipped) const;
   [[nodiscard]] bool MisreadingIsCostly(std::uint32_t word, std::uint32_t bit) const;
-  void ReadPair(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
-  void ReadSingle(const FrameRows& rows, const GrayBit& bit, std::uint32_t flag);
+  void AddPair(const FrameRows& rows, const GrayRead& read);
+  void AddSingle(const FrameRows& rows, const GrayRead& read);
+  void FinishBit(std::uint32_t flag);
 
   GrayCode code_;
-  PhaseConfig config_;
+  DecodeContext context_;
+  std::vector<float> signal_;       ///< sum of exposure x difference / variance over the exposures
+  std::vector<float> information_;  ///< sum of exposure^2 / variance
   std::vector<std::uint32_t> word_;
   std::vector<std::uint32_t> weak_;      ///< bits below min_bit_sigma
   std::vector<std::uint32_t> doubtful_;  ///< bits below min_fine_bit_sigma

@@ -2,68 +2,143 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <cstddef>
 
 namespace fringe_fusion::decode {
 namespace {
+
 constexpr double kTwoPi = 6.28318530717958647692;
+
+// Numbers the distinct shifts; samples of one shift follow each other in `order`.
+std::vector<int> NumberPlaces(std::vector<PhaseSample>& samples) {
+  std::stable_sort(samples.begin(), samples.end(), [](const PhaseSample& a, const PhaseSample& b) {
+    return a.delta_rad < b.delta_rad;
+  });
+  std::vector<int> places;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const bool same = i > 0 && samples[i].delta_rad - samples[i - 1].delta_rad < 1e-6;
+    places.push_back(i == 0 ? 0 : places.back() + (same ? 0 : 1));
+  }
+  return places;
 }
 
-StepFit::StepFit(const PhaseSet& set, int width) : set_(set) {
-  const std::size_t num_steps = set.frame_of_step.size();
-  for (std::size_t n = 0; n < num_steps; ++n) {
-    const double delta = kTwoPi * static_cast<double>(n) / static_cast<double>(num_steps);
-    cos_.push_back(static_cast<float>(std::cos(delta)));
-    sin_.push_back(static_cast<float>(std::sin(delta)));
+}  // namespace
+
+StepFit::StepFit(const PhaseSet& set, const DecodeContext& context)
+    : set_(set), context_(context), row_(context.stride()), refit_(context.stride()) {
+  if (set_.carrier_steps == 0) places_ = NumberPlaces(set_.samples);
+  for (const PhaseSample& sample : set_.samples) {
+    cosines_.push_back(static_cast<float>(std::cos(sample.delta_rad)));
+    sines_.push_back(static_cast<float>(std::sin(sample.delta_rad)));
+    const auto group = static_cast<std::size_t>(sample.group);
+    exposures_.push_back(static_cast<float>(context_.plan.groups[group].ratio));
   }
-  for (std::vector<float>* row :
-       {&offset_, &cosine_part_, &sine_part_, &phase_, &modulation_, &residual_, &peak_}) {
-    row->resize(static_cast<std::size_t>(width));
-  }
+  frames_.resize(set_.samples.size());
 }
 
 void StepFit::Run(const FrameRows& rows) {
-  Accumulate(rows);
-  for (std::size_t x = 0; x < phase_.size(); ++x) {
-    modulation_[x] = std::sqrt(cosine_part_[x] * cosine_part_[x] + sine_part_[x] * sine_part_[x]);
-    phase_[x] = std::atan2(sine_part_[x], cosine_part_[x]);
+  for (std::size_t n = 0; n < frames_.size(); ++n) frames_[n] = rows.frame(set_.samples[n].frame);
+  if (set_.carrier_steps > 0) {
+    for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) DemodulatePixel(x);
+    return;
   }
-  SumResiduals(rows);
-}
-
-// A = sum I / N, (a, b) = 2/N (sum I cos, sum I sin), so that I = A + a cos + b sin.
-void StepFit::Accumulate(const FrameRows& rows) {
-  const std::size_t width = phase_.size();
-  for (std::vector<float>* row : {&offset_, &cosine_part_, &sine_part_, &peak_}) {
-    std::fill(row->begin(), row->end(), 0.0F);
-  }
-  const float share = 1.0F / num_steps();
-  for (std::size_t n = 0; n < cos_.size(); ++n) {
-    const float* in = rows.frame(set_.frame_of_step[n]);
-    const float c = 2.0F * share * cos_[n];
-    const float s = 2.0F * share * sin_[n];
-    for (std::size_t x = 0; x < width; ++x) {
-      offset_[x] += share * in[x];
-      cosine_part_[x] += c * in[x];
-      sine_part_[x] += s * in[x];
-      peak_[x] = peak_[x] > in[x] ? peak_[x] : in[x];
-    }
+  const FitArgs args = Args();
+  if (set_.even && (set_.steps == 3 || set_.steps == 4)) {
+    RunEven(args);
+  } else {
+    context_.kernels.fit_weighted(args, row_.out(), context_.width);
   }
 }
 
-// By differences, not by sum I^2 - N A^2 - N B^2 / 2: that cancels badly at 12 and 16 bit.
-void StepFit::SumResiduals(const FrameRows& rows) {
-  std::fill(residual_.begin(), residual_.end(), 0.0F);
-  if (cos_.size() < 4) return;
-  for (std::size_t n = 0; n < cos_.size(); ++n) {
-    const float* in = rows.frame(set_.frame_of_step[n]);
-    const float c = cos_[n];
-    const float s = sin_[n];
-    for (std::size_t x = 0; x < residual_.size(); ++x) {
-      const float r = in[x] - offset_[x] - c * cosine_part_[x] - s * sine_part_[x];
-      residual_[x] += r * r;
-    }
+FitArgs StepFit::Args() const {
+  const PhaseConfig& config = context_.config;
+  FitArgs args;
+  args.frames = frames_.data();
+  args.cosines = cosines_.data();
+  args.sines = sines_.data();
+  args.exposures = exposures_.data();
+  args.places = places_.data();
+  args.num_samples = static_cast<int>(frames_.size());
+  args.num_places = places_.empty() ? 0 : places_.back() + 1;
+  args.sign = static_cast<float>(set_.sign);
+  args.offset_cycles = static_cast<float>(set_.offset_rad / kTwoPi);
+  args.noise = NoiseOf(config);
+  args.limits.saturation_dn = context_.saturation_dn();
+  const auto square = [](double x) { return static_cast<float>(x * x); };
+  args.limits.min_modulation2 = square(config.min_modulation_sigma);
+  args.limits.max_residual2 = square(config.max_residual_sigma);
+  args.limits.harmonic2 = square(config.max_harmonic_ratio);
+  return args;
+}
+
+void StepFit::RunEven(const FitArgs& args) {
+  const auto fit = set_.steps == 3 ? context_.kernels.fit_three : context_.kernels.fit_four;
+  fit(args, row_.out(), context_.width);
+  // Three different shifts must remain.
+  if (set_.steps > 3) RefitSaturated(args);
+}
+
+void StepFit::RefitSaturated(const FitArgs& args) {
+  constexpr auto kSaturated = static_cast<std::int32_t>(MaskReason::kSaturated);
+  const auto width = static_cast<std::size_t>(context_.width);
+  if (std::find(row_.status.begin(), row_.status.begin() + context_.width, kSaturated) ==
+      row_.status.begin() + context_.width) {
+    return;
   }
+  context_.kernels.fit_weighted(args, refit_.out(), context_.width);
+  for (std::size_t x = 0; x < width; ++x) {
+    if (row_.status[x] != kSaturated) continue;
+    row_.cycles[x] = refit_.cycles[x];
+    row_.variance[x] = refit_.variance[x];
+    row_.offset[x] = refit_.offset[x];
+    row_.modulation[x] = refit_.modulation[x];
+    row_.status[x] = refit_.status[x];
+  }
+}
+
+// Science 2.9. All steps of a pixel share the carrier's phase, because direct light alone carries
+// it. Projecting on that phase instead of taking magnitudes keeps the noise unbiased near zero.
+void StepFit::DemodulatePixel(std::size_t x) {
+  const auto num_steps = static_cast<std::size_t>(set_.steps);
+  const auto num_carrier = static_cast<std::size_t>(set_.carrier_steps);
+  std::vector<std::complex<double>> direct(num_steps);
+  double mean = 0.0;
+  float peak = 0.0F;
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    const auto grey = static_cast<double>(frames_[i][x]);
+    const double angle = kTwoPi * set_.samples[i].carrier_step / set_.carrier_steps;
+    direct[static_cast<std::size_t>(set_.samples[i].step)] += grey * std::polar(1.0, angle);
+    mean += grey / static_cast<double>(frames_.size());
+    peak = std::max(peak, frames_[i][x]);
+  }
+  std::complex<double> sum;
+  for (const std::complex<double>& part : direct) sum += part;
+  const std::complex<double> carrier = sum / std::max(std::abs(sum), 1e-12);
+  std::complex<double> fringe;
+  double offset = 0.0;
+  for (std::size_t n = 0; n < num_steps; ++n) {
+    const double level =
+        2.0 / static_cast<double>(num_carrier) * (direct[n] * std::conj(carrier)).real();
+    fringe += level * std::polar(2.0 / set_.steps, kTwoPi * static_cast<double>(n) / set_.steps);
+    offset += level / set_.steps;
+  }
+  const RowNoise noise = NoiseOf(context_.config);
+  const double variance_dn2 =
+      2.0 / set_.carrier_steps *
+      (static_cast<double>(noise.floor_dn2) + static_cast<double>(noise.gain_dn) * mean);
+  const double b2 = std::max(std::norm(fringe), 1e-20);
+  const double variance_rad2 = 2.0 / set_.steps * variance_dn2 / b2;
+  const double cycles = (set_.sign * std::arg(fringe) - set_.offset_rad) / kTwoPi;
+  row_.cycles[x] = static_cast<float>(cycles - std::floor(cycles));
+  row_.variance[x] = static_cast<float>(variance_rad2 / (kTwoPi * kTwoPi));
+  row_.offset[x] = static_cast<float>(offset);
+  row_.modulation[x] = static_cast<float>(std::sqrt(b2));
+  const double least = context_.config.min_modulation_sigma;
+  MaskReason reason = MaskReason::kValid;
+  if (!(least * least * variance_dn2 <= b2)) reason = MaskReason::kLowModulation;
+  if (!(peak < context_.saturation_dn())) reason = MaskReason::kSaturated;
+  row_.status[x] = static_cast<std::int32_t>(reason);
 }
 
 }  // namespace fringe_fusion::decode

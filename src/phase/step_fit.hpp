@@ -1,43 +1,57 @@
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "frame_rows.hpp"
 
 namespace fringe_fusion::decode {
 
-/// Least-squares fit of I_n = A + B cos(phi - 2 pi n / N) to every pixel of a row.
-/// Ref: science section 2.1. One object per thread: Run replaces the row.
+/// What a phase set says about every pixel of a row.
+struct SetRow {
+  explicit SetRow(std::size_t size)
+      : cycles(size), variance(size), offset(size), modulation(size), status(size) {}
+
+  std::vector<float> cycles;         ///< phase / 2 pi, sign and offset undone, 0..1
+  std::vector<float> variance;       ///< of cycles
+  std::vector<float> offset;         ///< A [DN]
+  std::vector<float> modulation;     ///< B [DN]
+  std::vector<std::int32_t> status;  ///< MaskReason: kValid, saturated, low modulation, residual
+
+  [[nodiscard]] FitOut out() {
+    return {cycles.data(), variance.data(), offset.data(), modulation.data(), status.data()};
+  }
+};
+
+/// Weighted least-squares fit of I_n = exposure_n (A + B cos(phi - delta_n)) to every pixel of a
+/// row, with the weights that the noise model gives at the fitted grey values. Attains the
+/// Cramer-Rao bound of read, shot and quantisation noise. Saturated samples are dropped where three
+/// different shifts remain. A carrier is demodulated first: only the direct light counts.
+/// Ref: science sections 2.1, 2.7, 2.9. One object per thread: Run replaces the row.
 class StepFit {
  public:
-  StepFit(const PhaseSet& set, int width);
+  StepFit(const PhaseSet& set, const DecodeContext& context);
 
   void Run(const FrameRows& rows);
 
   [[nodiscard]] const PhaseSet& set() const { return set_; }
-  [[nodiscard]] float num_steps() const { return static_cast<float>(cos_.size()); }
-  [[nodiscard]] float phase_rad(std::size_t x) const { return phase_[x]; }
-  [[nodiscard]] float offset_dn(std::size_t x) const { return offset_[x]; }
-  [[nodiscard]] float modulation_dn(std::size_t x) const { return modulation_[x]; }
-  /// Sum of the squared residuals; it has N - 3 degrees of freedom [DN^2].
-  [[nodiscard]] float residual_dn2(std::size_t x) const { return residual_[x]; }
-  /// Largest grey value of the set [DN].
-  [[nodiscard]] float peak_dn(std::size_t x) const { return peak_[x]; }
+  [[nodiscard]] const SetRow& row() const { return row_; }
 
  private:
-  void Accumulate(const FrameRows& rows);
-  void SumResiduals(const FrameRows& rows);
+  [[nodiscard]] FitArgs Args() const;
+  void RunEven(const FitArgs& args);
+  void RefitSaturated(const FitArgs& args);
+  void DemodulatePixel(std::size_t x);
 
   PhaseSet set_;
-  std::vector<float> cos_;
-  std::vector<float> sin_;
-  std::vector<float> offset_;
-  std::vector<float> cosine_part_;
-  std::vector<float> sine_part_;
-  std::vector<float> phase_;
-  std::vector<float> modulation_;
-  std::vector<float> residual_;
-  std::vector<float> peak_;
+  DecodeContext context_;
+  std::vector<const float*> frames_;
+  std::vector<float> cosines_;
+  std::vector<float> sines_;
+  std::vector<float> exposures_;
+  std::vector<int> places_;
+  SetRow row_;
+  SetRow refit_;
 };
 
 }  // namespace fringe_fusion::decode

@@ -13,16 +13,18 @@ const char* KindName(PatternKind kind) {
       return "gray";
     case PatternKind::kPhase:
       return "phase";
+    case PatternKind::kMicro:
+      return "micro";
   }
   return "unknown";
 }
 
 Result<PatternKind> KindFromName(const std::string& name) {
-  for (const PatternKind kind :
-       {PatternKind::kWhite, PatternKind::kBlack, PatternKind::kGray, PatternKind::kPhase}) {
+  for (const PatternKind kind : {PatternKind::kWhite, PatternKind::kBlack, PatternKind::kGray,
+                                 PatternKind::kPhase, PatternKind::kMicro}) {
     if (name == KindName(kind)) return kind;
   }
-  return Fail("pattern kind '{}' must be white, black, gray or phase", name);
+  return Fail("pattern kind '{}' must be white, black, gray, phase or micro", name);
 }
 
 }  // namespace
@@ -31,6 +33,7 @@ PatternDescription ToMessage(const Pattern& pattern) {
   PatternDescription message;
   message.kind = KindName(pattern.kind);
   message.axis = pattern.axis == Axis::kU ? "u" : "v";
+  message.exposure_ratio = pattern.exposure_ratio;
   message.bit = pattern.bit;
   message.inverse = static_cast<std::uint8_t>(pattern.inverse);
   message.cell_px = pattern.cell_px;
@@ -40,6 +43,9 @@ PatternDescription ToMessage(const Pattern& pattern) {
   message.steps = pattern.steps;
   message.phase_sign = pattern.phase_sign;
   message.phase_offset_rad = pattern.phase_offset_rad;
+  message.carrier_period_px = pattern.carrier_period_px;
+  message.carrier_step = pattern.carrier_step;
+  message.carrier_steps = pattern.carrier_steps;
   return message;
 }
 
@@ -52,6 +58,7 @@ Result<Pattern> FromMessage(const PatternDescription& message) {
   Pattern pattern;
   pattern.kind = *kind;
   pattern.axis = message.axis == "u" ? Axis::kU : Axis::kV;
+  pattern.exposure_ratio = message.exposure_ratio;
   pattern.bit = message.bit;
   pattern.inverse = message.inverse != 0;
   pattern.cell_px = message.cell_px;
@@ -61,6 +68,9 @@ Result<Pattern> FromMessage(const PatternDescription& message) {
   pattern.steps = message.steps;
   pattern.phase_sign = message.phase_sign;
   pattern.phase_offset_rad = message.phase_offset_rad;
+  pattern.carrier_period_px = message.carrier_period_px;
+  pattern.carrier_step = message.carrier_step;
+  pattern.carrier_steps = message.carrier_steps;
   return pattern;
 }
 

@@ -42,7 +42,8 @@ Result<ImageStack> Capture(SimCell& cell, const PatternSequence& sequence,
         shown[i] < 0 ? black : sequence.frames[static_cast<std::size_t>(shown[i])];
     const Image<std::uint8_t> picture =
         RenderPattern(pattern, sequence.width, sequence.height, settings.gamma_correction);
-    Result<CapturedFrame> frame = cell.Expose(picture, settings.exposure_s, static_cast<int>(i));
+    const double exposure_s = settings.exposure_s * sequence.frames[i].exposure_ratio;
+    Result<CapturedFrame> frame = cell.Expose(picture, exposure_s, static_cast<int>(i));
     if (!frame) return Forward(frame);
     stack.frames.push_back(std::move(*frame));
   }

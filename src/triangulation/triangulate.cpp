@@ -31,6 +31,12 @@ Status CheckSizes(const PhaseMap& phase, const CellCalibration& calibration) {
   if (phase.u.empty() && phase.v.empty()) {
     return Fail("triangulation: the phase map has neither u nor v");
   }
+  if (phase.relative_u || phase.relative_v) {
+    return Fail(
+        "triangulation: {} is relative (one frequency, unwrapped over the image); code the axis by "
+        "a second frequency or Gray code",
+        phase.relative_u ? "u" : "v");
+  }
   const bool u_fits = phase.u.empty() || (HasSize(phase.u, phase) && HasSize(phase.sigma_u, phase));
   const bool v_fits = phase.v.empty() || (HasSize(phase.v, phase) && HasSize(phase.sigma_v, phase));
   if (!u_fits || !v_fits || phase.mask.size() != phase.color.size() ||

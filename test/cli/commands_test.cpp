@@ -2,10 +2,12 @@
 // threads.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <memory>
 
+#include "fringe_fusion/io/image_io.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
@@ -60,6 +62,22 @@ TEST_F(Commands, SimulateWritesAScanWithTruth) {
   EXPECT_TRUE(fs::exists(Path("scan/truth/object.ply")));
   EXPECT_TRUE(fs::exists(Path("scan/truth/visible.ply")));
   EXPECT_EQ(Figure(Path("simulate.json"), "num_views"), kNumViews);
+}
+
+TEST_F(Commands, PatternsWritesPicturesAndTheirList) {
+  ExpectSuccess(RunFringe(
+      {"patterns", "--size", "64x48", "--out", Path("patterns"), "--json", Path("patterns.json")}));
+  EXPECT_EQ(Figure(Path("patterns.json"), "num_frames"), 26);
+  const auto sequence = ReadPatterns(Path("patterns/patterns.yaml"));
+  ASSERT_TRUE(sequence) << sequence.error().message;
+  const auto picture = ReadGrayImage(Path("patterns/002_phase_u_f1_0of4.png"));
+  ASSERT_TRUE(picture) << picture.error().message;
+  const auto& pixels = std::get<Image<std::uint8_t>>(*picture);
+  const Image<std::uint8_t> expected = RenderPattern(sequence->frames[2], 64, 48, 1.0);
+  EXPECT_TRUE(std::equal(pixels.begin(), pixels.end(), expected.begin(), expected.end()));
+  const Outcome outcome = RunFringe({"patterns", "--size", "64", "--out", Path("patterns")});
+  EXPECT_EQ(outcome.exit_status, 1);
+  EXPECT_NE(outcome.err.find("--size '64' must be like 1280x800"), std::string::npos);
 }
 
 TEST_F(Commands, SimulateReplacesAnEarlierScan) {
@@ -169,8 +187,8 @@ TEST_F(Commands, RunTakesTheCameraFrameOfASingleViewWithoutPrior) {
 TEST_F(Commands, TellTheirOptions) {
   const Outcome help = RunFringe({"--help"});
   EXPECT_EQ(help.exit_status, 0);
-  for (const char* command :
-       {"simulate", "decode", "reconstruct", "register", "fuse", "inspect", "import", "run"}) {
+  for (const char* command : {"patterns", "simulate", "decode", "reconstruct", "register", "fuse",
+                              "inspect", "import", "run"}) {
     EXPECT_NE(help.out.find(command), std::string::npos) << command;
     const Outcome own = RunFringe({command, "--help"});
     EXPECT_EQ(own.exit_status, 0) << command;

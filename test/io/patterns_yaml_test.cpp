@@ -39,6 +39,30 @@ TEST(PatternsYaml, SurvivesARoundTrip) {
   }
 }
 
+TEST(PatternsYaml, CarriesExposuresCarriersAndMicroPhaseShifting) {
+  const TempFolder folder;
+  PatternConfig modulated;
+  modulated.fringes = "1,4";
+  modulated.carrier_period_px = 12.5;
+  modulated.exposures = "1,0.25";
+  PatternConfig micro;
+  micro.micro = true;
+  micro.fringes = "7,8,9";
+  for (const PatternConfig& config : {modulated, micro}) {
+    const auto sequence = MakeSequence(config, 64, 32);
+    ASSERT_TRUE(sequence) << sequence.error().message;
+    ASSERT_TRUE(WritePatterns(*sequence, folder / "p.yaml"));
+    const auto read = ReadPatterns(folder / "p.yaml");
+    ASSERT_TRUE(read) << read.error().message;
+    ASSERT_EQ(read->frames.size(), sequence->frames.size());
+    for (std::size_t i = 0; i < read->frames.size(); ++i) {
+      EXPECT_EQ(PatternName(read->frames[i]), PatternName(sequence->frames[i]));
+      EXPECT_EQ(read->frames[i].exposure_ratio, sequence->frames[i].exposure_ratio);
+      EXPECT_EQ(read->frames[i].carrier_period_px, sequence->frames[i].carrier_period_px);
+    }
+  }
+}
+
 TEST(PatternsYaml, NamesFileFrameAndFieldOfEveryFault) {
   const TempFolder folder;
   const std::string path = folder / "patterns.yaml";
@@ -53,7 +77,7 @@ TEST(PatternsYaml, NamesFileFrameAndFieldOfEveryFault) {
   EXPECT_EQ(complaint("height: 32", "height: -1"),
             path + ": projector size 64 x -1 must be at least 1 x 1");
   EXPECT_EQ(complaint("kind: black", "kind: dark"),
-            path + ": frame 1: kind = dark must be white, black, gray or phase");
+            path + ": frame 1: kind = dark must be white, black, gray, phase or micro");
   EXPECT_EQ(complaint("axis: u", "axis: w"), path + ": frame 2: axis = w must be u or v");
   EXPECT_EQ(complaint("axis: u, ", ""), path + ": frame 2: required key 'axis' is missing");
   EXPECT_EQ(complaint("kind: white", "kind: white, bit: 1"), path + ": frame 0: unknown key 'bit'");

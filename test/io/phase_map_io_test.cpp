@@ -71,6 +71,22 @@ TEST_F(PhaseMapIoTest, SurvivesARoundTripBitByBit) {
   EXPECT_FALSE(std::filesystem::exists(InView(".phase.part")));
 }
 
+TEST_F(PhaseMapIoTest, RelativeCoordinatesStayRelative) {
+  ASSERT_TRUE(WritePhaseMap(scan_, 0, SmallMap(1.0F)));
+  PhaseMap phase = SmallMap(2.0F);
+  phase.relative_v = true;
+  phase.order_error = Image<float>(40, 30, 1e-9F);
+  ASSERT_TRUE(WritePhaseMap(scan_, 0, phase));
+  EXPECT_FALSE(std::filesystem::exists(InView("v.tiff")));
+  const auto read = ReadPhaseMap(scan_, 0);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_FALSE(read->relative_u);
+  EXPECT_TRUE(read->relative_v);
+  ExpectSame(read->u, phase.u);
+  ExpectSame(read->v, phase.v);
+  ExpectSame(read->order_error, phase.order_error);
+}
+
 TEST_F(PhaseMapIoTest, AMapOfOneAxisRemovesTheOtherOfAnEarlierMap) {
   ASSERT_TRUE(WritePhaseMap(scan_, 0, SmallMap(1.0F)));
   PhaseMap one_axis = SmallMap(5.0F);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace fringe_fusion {
@@ -86,6 +87,120 @@ TEST(PatternSequence, ValidateFindsIncompleteSets) {
   EXPECT_FALSE(Validate(sequence, "patterns.yaml"));
   sequence.frames = {Phase(Axis::kU, std::numeric_limits<double>::quiet_NaN(), 0, 3)};
   EXPECT_FALSE(Validate(sequence, "patterns.yaml"));
+}
+
+TEST(PatternSequence, HalfPeriodGrayCellsEndOnTheFringes) {
+  PatternConfig config;
+  config.gray = true;
+  config.gray_inverse = false;
+  config.gray_half_period = true;
+  config.fringes = "25";
+  const Result<PatternSequence> sequence = MakeSequence(config, 1280, 800);
+  ASSERT_TRUE(sequence) << sequence.error().message;
+  // 50 cells of 25.6 px need 6 bits.
+  EXPECT_EQ(sequence->frames.size(), 2U + 2U * (6U + 4U));
+  EXPECT_EQ(sequence->frames[2].bit, 5);
+  EXPECT_DOUBLE_EQ(sequence->frames[2].cell_px, 25.6);
+  EXPECT_DOUBLE_EQ(sequence->frames.back().fringes, 25.0);
+}
+
+TEST(PatternSequence, PeriodsBecomeFringesOfEachAxis) {
+  PatternConfig config;
+  config.periods_px = "19,17,13";
+  const Result<PatternSequence> sequence = MakeSequence(config, 1280, 800);
+  ASSERT_TRUE(sequence) << sequence.error().message;
+  EXPECT_DOUBLE_EQ(sequence->frames[2].fringes, 1280.0 / 19.0);
+  EXPECT_DOUBLE_EQ(sequence->frames.back().fringes, 800.0 / 13.0);
+  config.periods_px = "13,17";
+  EXPECT_FALSE(MakeSequence(config, 1280, 800));
+}
+
+TEST(PatternSequence, EveryExposureHasTheWholeCode) {
+  PatternConfig config;
+  config.fringes = "1,8";
+  config.exposures = "1,4";
+  const Result<PatternSequence> sequence = MakeSequence(config, 128, 96);
+  ASSERT_TRUE(sequence) << sequence.error().message;
+  EXPECT_EQ(sequence->frames.size(), 2U * (2U + 2U * 2U * 4U));
+  EXPECT_EQ(PatternName(sequence->frames.back()), "phase_v_f8_3of4_e4");
+}
+
+TEST(PatternSequence, RefusesCodesThatRepeatWithinTheAxis) {
+  const auto message = [](const std::string& fringes, const std::string& periods, bool micro) {
+    PatternConfig config;
+    config.fringes = fringes;
+    config.periods_px = periods;
+    config.micro = micro;
+    const auto sequence = MakeSequence(config, 1280, 800);
+    return sequence ? std::string() : sequence.error().message;
+  };
+  EXPECT_EQ(message("2,8", "", false),
+            "pattern: axis u: the 2 frequencies repeat together after 640 of 1280 px");
+  EXPECT_NE(message("", "20,16", false).find("repeat together after 80 of 1280 px"),
+            std::string::npos);
+  EXPECT_EQ(message("99,100", "", false), "");
+  EXPECT_EQ(message("90,99,100", "", false), "");
+  EXPECT_EQ(message("64", "", false), "");  // relative
+  EXPECT_NE(message("16", "", true).find("needs at least 2 and 3"), std::string::npos);
+  EXPECT_NE(message("16,18", "", true).find("repeat together after 640"), std::string::npos);
+}
+
+TEST(PatternSequence, RefusesWhatCannotBeShown) {
+  const auto message = [](const std::function<void(Pattern&)>& change) {
+    PatternSequence sequence;
+    sequence.width = sequence.height = 64;
+    for (int step = 0; step < 3; ++step) {
+      sequence.frames.push_back(Phase(Axis::kU, 8.0, step, 3));
+      change(sequence.frames.back());
+    }
+    const Status status = Validate(sequence, "p");
+    return status ? std::string() : status.error().message;
+  };
+  EXPECT_EQ(message([](Pattern& p) { p.exposure_ratio = 0.0; }),
+            "p: frame 0 (phase_u_f8_0of3_e0): exposure_ratio 0 is outside (0, 10000]");
+  EXPECT_NE(message([](Pattern& p) { p.carrier_steps = 2; }).find("carrier_steps 2"),
+            std::string::npos);
+  EXPECT_NE(message([](Pattern& p) {
+              p.carrier_steps = 3;
+              p.carrier_period_px = 1.0;
+            }).find("carrier_period_px 1"),
+            std::string::npos);
+  EXPECT_NE(message([](Pattern& p) {
+              p.carrier_steps = 3;
+              p.carrier_period_px = 9.0;
+            }).find("has 3 of 9 steps"),
+            std::string::npos);
+  EXPECT_NE(message([](Pattern& p) { p.exposure_ratio = 1.0 + p.step; }).find("1 of 3 steps"),
+            std::string::npos);
+}
+
+TEST(PatternSequence, RefusesGrayCellsWiderThanTheFringes) {
+  PatternSequence sequence;
+  sequence.width = sequence.height = 64;
+  for (int step = 0; step < 3; ++step) sequence.frames.push_back(Phase(Axis::kU, 8.0, step, 3));
+  sequence.frames.push_back(Gray(0, false));
+  sequence.frames.back().cell_px = 9.0;
+  const Status status = Validate(sequence, "p");
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().message,
+            "p: axis u: Gray cells of 9 px leave the order of fringes of 8 px open");
+  sequence.frames.back().cell_px = 8.0;
+  EXPECT_TRUE(Validate(sequence, "p"));
+}
+
+TEST(RenderPattern, CarrierMultipliesAcross) {
+  Pattern pattern = Phase(Axis::kU, 2.0, 1, 3);
+  pattern.carrier_period_px = 7.0;
+  pattern.carrier_step = 2;
+  pattern.carrier_steps = 3;
+  const Image<std::uint8_t> picture = RenderPattern(pattern, 40, 30, 1.0);
+  for (int y = 0; y < 30; y += 3) {
+    for (int x = 0; x < 40; x += 3) {
+      const double fringe = 0.5 + 0.5 * std::cos(2.0 * kPi * (2.0 * (x + 0.5) / 40.0 - 1.0 / 3.0));
+      const double carrier = 0.5 + 0.5 * std::cos(2.0 * kPi * ((y + 0.5) / 7.0 - 2.0 / 3.0));
+      EXPECT_NEAR(picture(x, y), 255.0 * fringe * carrier, 0.501);
+    }
+  }
 }
 
 TEST(RenderPattern, PhaseIsTheStatedCosine) {

@@ -4,10 +4,14 @@
 
 #include <cmath>
 
-#include "synthetic_stack.hpp"
+#include "row_fixture.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
+
+MaskReason ReasonAt(const AxisRow& row, std::size_t x) {
+  return static_cast<MaskReason>(row.status[x]);
+}
 
 // Science 2.3: P = erfc(pi / (sqrt(2) sqrt(s^2 sigma_l^2 + sigma_h^2))) with s = f_h / f_l. The
 // limit of the order error is opened, so that wrong orders come through and can be counted.
@@ -17,23 +21,24 @@ TEST(AxisDecoder, WrongOrdersAreAsFrequentAsTheFormulaSays) {
   scene.height = 100;
   scene.read_noise_dn = 4.2;
   scene.u = [](int x, int /*y*/) { return 5.0 + 0.29 * x; };
-  const ImageStack stack = test::Synthesize(test::MakeTestSequence(false, "1,32", 3), scene);
-  const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
   PhaseConfig config;
   config.read_noise_dn = scene.read_noise_dn;
+  config.gain_dn = 0.0;
   config.max_order_error_ratio = 0.5;
-  FrameRows rows(stack, plan);
-  AxisDecoder decoder(plan.u, config, scene.width);
+  config.max_wrong_order_ratio = 1.0;
+  config.max_level_sigma = 1e6;
+  test::RowFixture fixture(test::Synthesize(test::MakeTestSequence(false, "1,32", 3), scene),
+                           config);
+  AxisDecoder decoder(fixture.plan.u, fixture.context);
   int num_wrong = 0;
   for (int y = 0; y < scene.height; ++y) {
-    rows.Load(y);
-    decoder.Run(rows);
-    for (int x = 0; x < scene.width; ++x) {
-      const AxisPixel pixel = decoder.Decode(static_cast<std::size_t>(x), 255.0F);
-      ASSERT_EQ(pixel.reason, MaskReason::kValid);
+    fixture.rows.Load(y);
+    const AxisRow& row = decoder.Run(fixture.rows);
+    for (std::size_t x = 0; x < static_cast<std::size_t>(scene.width); ++x) {
+      ASSERT_EQ(row.status[x], 0);
       // Fusion pulls the value towards the coarse set by its weight 1 / 1025 only.
-      const double error = static_cast<double>(pixel.coordinate_px) - scene.u(x, y);
-      if (std::abs(error) > 2.0) ++num_wrong;
+      const double truth = scene.u(static_cast<int>(x), y);
+      if (std::abs(static_cast<double>(row.coordinate_px[x]) - truth) > 2.0) ++num_wrong;
     }
   }
   const double sigma_rad =
@@ -41,7 +46,7 @@ TEST(AxisDecoder, WrongOrdersAreAsFrequentAsTheFormulaSays) {
   const double p = std::erfc(M_PI / (std::sqrt(2.0) * sigma_rad * std::sqrt(32.0 * 32.0 + 1.0)));
   const double expected = p * scene.width * scene.height;
   ASSERT_GT(expected, 100.0);
-  EXPECT_NEAR(num_wrong, expected, 4.0 * std::sqrt(expected));
+  EXPECT_NEAR(num_wrong, expected, 3.0 * std::sqrt(expected));
 }
 
 TEST(AxisDecoder, DoubtfulOrdersAreMasked) {
@@ -52,17 +57,14 @@ TEST(AxisDecoder, DoubtfulOrdersAreMasked) {
   test::SyntheticScene other = scene;
   other.u = [&](int x, int y) { return scene.u(x, y) + 0.45 * 16.0; };
   const ImageStack shifted = test::Synthesize(stack.sequence, other);
-  for (const int frame : plan.u.sets[1].frame_of_step) {
-    const auto i = static_cast<std::size_t>(frame);
+  for (const PhaseSample& sample : plan.u.sets[1].samples) {
+    const auto i = static_cast<std::size_t>(sample.frame);
     stack.frames[i] = shifted.frames[i];
   }
-  FrameRows rows(stack, plan);
-  AxisDecoder decoder(plan.u, {}, scene.width);
-  rows.Load(5);
-  decoder.Run(rows);
-  const AxisPixel pixel = decoder.Decode(20, 255.0F);
-  EXPECT_EQ(pixel.reason, MaskReason::kDoubtfulOrder);
-  EXPECT_TRUE(std::isnan(pixel.coordinate_px));
+  test::RowFixture fixture(stack);
+  AxisDecoder decoder(fixture.plan.u, fixture.context);
+  fixture.rows.Load(5);
+  EXPECT_EQ(ReasonAt(decoder.Run(fixture.rows), 20), MaskReason::kDoubtfulOrder);
 }
 
 TEST(AxisDecoder, CodesBeyondTheProjectorAreOutside) {
@@ -73,13 +75,12 @@ TEST(AxisDecoder, CodesBeyondTheProjectorAreOutside) {
     scene.u = [](int x, int /*y*/) { return 60.0 + x; };
     return scene;
   }());
-  const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
-  FrameRows rows(stack, plan);
-  AxisDecoder decoder(plan.u, {}, scene.width);
-  rows.Load(0);
-  decoder.Run(rows);
-  EXPECT_EQ(decoder.Decode(39, 255.0F).reason, MaskReason::kValid);
-  EXPECT_EQ(decoder.Decode(40, 255.0F).reason, MaskReason::kOutsideProjector);
+  test::RowFixture fixture(stack);
+  AxisDecoder decoder(fixture.plan.u, fixture.context);
+  fixture.rows.Load(0);
+  const AxisRow& row = decoder.Run(fixture.rows);
+  EXPECT_EQ(ReasonAt(row, 39), MaskReason::kValid);
+  EXPECT_EQ(ReasonAt(row, 40), MaskReason::kOutsideProjector);
 }
 
 }  // namespace

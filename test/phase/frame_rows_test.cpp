@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "synthetic_stack.hpp"
+#include "row_fixture.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
@@ -11,16 +11,15 @@ TEST(FrameRows, LoadsBytesAndWords) {
   for (const int bit_depth : {8, 12}) {
     test::SyntheticScene scene;
     scene.bit_depth = bit_depth;
-    const ImageStack stack = test::Synthesize(test::MakeTestSequence(false, "1,8", 4), scene);
-    const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
-    FrameRows rows(stack, plan);
+    test::RowFixture fixture(test::Synthesize(test::MakeTestSequence(false, "1,8", 4), scene));
+    FrameRows& rows = fixture.rows;
     rows.Load(7);
-    EXPECT_FLOAT_EQ(rows.full_scale_dn(), bit_depth == 8 ? 255.0F : 4095.0F);
-    const float expected = std::visit(
-        [](const auto& image) { return static_cast<float>(image(5, 7)); }, stack.frames[4].pixels);
+    const float expected =
+        std::visit([](const auto& image) { return static_cast<float>(image(5, 7)); },
+                   fixture.stack.frames[4].pixels);
     EXPECT_EQ(rows.frame(4)[5], expected);
-    EXPECT_FLOAT_EQ(rows.bright()[5], 180.0F);
-    EXPECT_FLOAT_EQ(rows.dark()[5], 20.0F);
+    EXPECT_FLOAT_EQ(rows.bright(0)[5], 180.0F);
+    EXPECT_FLOAT_EQ(rows.dark(0)[5], 20.0F);
   }
 }
 
@@ -28,11 +27,11 @@ TEST(FrameRows, TakesExtremesWithoutWhiteAndBlack) {
   ImageStack stack = test::Synthesize(test::MakeTestSequence(true, "", 4), test::SyntheticScene{});
   stack.sequence.frames.erase(stack.sequence.frames.begin(), stack.sequence.frames.begin() + 2);
   stack.frames.erase(stack.frames.begin(), stack.frames.begin() + 2);
-  const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
-  FrameRows rows(stack, plan);
+  test::RowFixture fixture(stack);
+  FrameRows& rows = fixture.rows;
   rows.Load(0);
-  EXPECT_FLOAT_EQ(rows.bright()[3], 180.0F);
-  EXPECT_FLOAT_EQ(rows.dark()[3], 20.0F);
+  EXPECT_FLOAT_EQ(rows.bright(0)[3], 180.0F);
+  EXPECT_FLOAT_EQ(rows.dark(0)[3], 20.0F);
 }
 
 TEST(NoiseVariance, AddsReadShotAndQuantisation) {

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <functional>
 
+#include "row_fixture.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
 
@@ -37,11 +39,10 @@ ImageStack OneRow(bool with_inverse, const std::function<double(int bit, int x)>
 }
 
 std::vector<GrayInterval> Read(const ImageStack& stack, const PhaseConfig& config) {
-  const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
-  FrameRows rows(stack, plan);
-  rows.Load(0);
-  GrayFit fit(*plan.u.gray, config, 32);
-  fit.Run(rows);
+  test::RowFixture fixture(stack, config);
+  fixture.rows.Load(0);
+  GrayFit fit(*fixture.plan.u.gray, fixture.context);
+  fit.Run(fixture.rows);
   std::vector<GrayInterval> intervals;
   for (std::size_t x = 0; x < 32; ++x) intervals.push_back(fit.Cell(x));
   return intervals;
@@ -112,11 +113,10 @@ TEST(GrayFit, UnwrappingTrustsNoWeakBit) {
   config.read_noise_dn = 5.0;
   const ImageStack stack =
       OneRow(true, [](int bit, int x) { return bit == 3 && x == 8 ? 0.2 : 1.0; });
-  const DecodePlan plan = MakeDecodePlan(stack.sequence).value();
-  FrameRows rows(stack, plan);
-  rows.Load(0);
-  GrayFit fit(*plan.u.gray, config, 32);
-  fit.Run(rows);
+  test::RowFixture fixture(stack, config);
+  fixture.rows.Load(0);
+  GrayFit fit(*fixture.plan.u.gray, fixture.context);
+  fit.Run(fixture.rows);
   EXPECT_DOUBLE_EQ(fit.Cell(8).centre_px, 8.0);
   EXPECT_DOUBLE_EQ(fit.Interval(8).centre_px, 7.5);
 }

@@ -19,6 +19,7 @@ struct SyntheticScene {
   double bright_dn = 180.0;
   double read_noise_dn = 0.0;
   double gain_dn = 0.0;
+  double indirect_dn = 0.0;  ///< light from elsewhere under a white picture
   unsigned seed = 1;
   std::function<double(int, int)> u = [](int x, int y) { return 20.3 + 0.61 * x + 0.07 * y; };
   std::function<double(int, int)> v = [](int x, int y) { return 30.1 - 0.05 * x + 0.57 * y; };
@@ -37,12 +38,19 @@ inline double SyntheticLight(const Pattern& p, double coordinate, int size) {
       return on != p.inverse ? 1.0 : 0.0;
     }
     case PatternKind::kPhase:
+    case PatternKind::kMicro:
       return 0.5 +
              0.5 * std::cos(p.phase_sign * (2.0 * M_PI * p.fringes * (coordinate + 0.5) / size +
                                             p.phase_offset_rad) -
                             2.0 * M_PI * p.step / p.steps);
   }
   return 0.0;
+}
+
+inline double SyntheticCarrier(const Pattern& p, double across) {
+  if (p.kind != PatternKind::kPhase || p.carrier_steps == 0) return 1.0;
+  return 0.5 + 0.5 * std::cos(2.0 * M_PI * (across + 0.5) / p.carrier_period_px -
+                              2.0 * M_PI * p.carrier_step / p.carrier_steps);
 }
 
 inline ImageStack Synthesize(const PatternSequence& sequence, const SyntheticScene& scene) {
@@ -57,9 +65,16 @@ inline ImageStack Synthesize(const PatternSequence& sequence, const SyntheticSce
     for (int y = 0; y < scene.height; ++y) {
       for (int x = 0; x < scene.width; ++x) {
         const bool along_u = pattern.axis == Axis::kU;
-        const double light = SyntheticLight(pattern, along_u ? scene.u(x, y) : scene.v(x, y),
-                                            along_u ? sequence.width : sequence.height);
-        double grey = scene.dark_dn + (scene.bright_dn - scene.dark_dn) * light;
+        const double along = along_u ? scene.u(x, y) : scene.v(x, y);
+        const double across = along_u ? scene.v(x, y) : scene.u(x, y);
+        const double carrier = SyntheticCarrier(pattern, across);
+        const double light =
+            SyntheticLight(pattern, along, along_u ? sequence.width : sequence.height);
+        // Indirect light comes from so far around that it sees the mean of the carrier.
+        const double direct = scene.bright_dn - scene.dark_dn;
+        const double mean = carrier == 1.0 ? 1.0 : 0.5;
+        double grey = scene.dark_dn + direct * light * carrier + scene.indirect_dn * mean * 0.5;
+        grey *= pattern.exposure_ratio;
         const double variance = scene.read_noise_dn * scene.read_noise_dn + scene.gain_dn * grey;
         if (variance > 0.0) grey += std::sqrt(variance) * unit(engine);
         words(x, y) =

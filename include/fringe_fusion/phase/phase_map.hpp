@@ -43,7 +43,12 @@ struct PhaseMap {
   Image<float> modulation;   ///< fringe amplitude B of the finest set, the lesser axis [DN];
                              ///< Gray code alone: half the difference of lit and dark
   Image<std::uint8_t> mask;  ///< MaskReason
-  Image<Rgb8> color;         ///< texture of the white frame, or A + B as grey
+  Image<float> order_error;  ///< probability that the fringe order is wrong, the greater of both
+                             ///< axes; empty unless config.report_order_error
+  bool relative_u = false;   ///< u was unwrapped over the image: every connected surface is off by
+                             ///< an unknown multiple of the fringe period
+  bool relative_v = false;
+  Image<Rgb8> color;  ///< texture of the white frame, or A + B as grey
   std::int64_t first_stamp_ns = 0;
   std::int64_t last_stamp_ns = 0;
 };
@@ -58,6 +63,10 @@ struct PhaseConfig {
   double max_residual_sigma = 6.0;      ///< largest rms residual of the sinusoid fit in sigma_I
   double max_harmonic_ratio = 0.3;      ///< tolerated rms of gamma harmonics in that residual, of B
   double max_order_error_ratio = 0.35;  ///< largest distance to the nearest fringe order [fringes]
+  double max_wrong_order_ratio = 1e-6;  ///< largest probability that the fringe order is wrong
+  double max_level_sigma = 6.0;         ///< largest disagreement of two frequencies [sigma]
+  double phase_error_rad = 0.02;        ///< systematic phase error left by the response of the cell
+  bool report_order_error = false;      ///< fill PhaseMap::order_error
   double min_bit_sigma = 4.0;           ///< a Gray bit closer to its threshold is doubtful [sigma]
   double min_fine_bit_sigma = 1.5;      ///< the same where a misreading costs few cells
   int num_fine_bits = 2;                ///< finest bits that may be unreadable (Gray code alone)
@@ -76,6 +85,10 @@ struct PhaseConfig {
     field("max_residual_sigma", max_residual_sigma, 1.0, 1000.0);
     field("max_harmonic_ratio", max_harmonic_ratio, 0.0, 10.0);
     field("max_order_error_ratio", max_order_error_ratio, 0.0, 0.5);
+    field("max_wrong_order_ratio", max_wrong_order_ratio, 1e-12, 1.0);
+    field("max_level_sigma", max_level_sigma, 1.0, 1e6);
+    field("phase_error_rad", phase_error_rad, 0.0, 1.0);
+    field("report_order_error", report_order_error);
     field("min_bit_sigma", min_bit_sigma, 0.0, 1000.0);
     field("min_fine_bit_sigma", min_fine_bit_sigma, 0.0, 1000.0);
     field("num_fine_bits", num_fine_bits, 0, 20);
@@ -87,8 +100,10 @@ struct PhaseConfig {
 };
 
 /// Decodes one view: every pixel's projector coordinates with their standard deviation.
+/// Frames may come in any order and at several exposures. A single frequency of several fringes is
+/// unwrapped over the image, and the map is marked as relative.
 /// @return error when the stack does not fit its sequence, or codes no axis at all.
-/// Ref: science sections 2.1 (N-step), 2.3 (hierarchical unwrapping), 2.4 (inverse variance).
+/// Ref: science sections 2.1 (N-step), 2.3 (unwrapping), 2.4 (inverse variance), 2.7 (exposures).
 [[nodiscard]] Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
                                            const Progress& progress = NoProgress);
 

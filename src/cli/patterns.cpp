@@ -1,0 +1,109 @@
+// fringe patterns: settings of the pattern stage -> patterns.yaml and one picture per frame.
+#include <filesystem>
+
+#include "command.hpp"
+#include "fringe_fusion/io/file.hpp"
+#include "fringe_fusion/io/image_io.hpp"
+#include "fringe_fusion/io/scan_folder.hpp"
+
+namespace fringe_fusion::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PatternsOptions {
+  std::string cell;
+  std::string size;
+  std::string patterns;
+  std::string out;
+};
+
+void Declare(CLI::App& command, PatternsOptions& options) {
+  command
+      .add_option("--cell", options.cell,
+                  "Calibration whose projector gives the size of the pictures")
+      ->type_name("CELL.yaml");
+  command.add_option("--size", options.size, "Size of the projector, instead of --cell")
+      ->type_name("WxH");
+  command
+      .add_option("--patterns", options.patterns,
+                  "Show the frames of this file instead of those of pattern.yaml")
+      ->type_name("PATTERNS.yaml");
+  command.add_option("--out", options.out, "Folder for patterns.yaml and the pictures")
+      ->required()
+      ->type_name("DIR");
+}
+
+struct Size {
+  int width = 0;
+  int height = 0;
+};
+
+Result<Size> ParseSize(const std::string& text) {
+  Size size;
+  char cross = 0;
+  std::istringstream stream(text);
+  stream >> size.width >> cross >> size.height;
+  if (!stream || cross != 'x' || stream.peek() != std::istringstream::traits_type::eof() ||
+      size.width < 1 || size.height < 1) {
+    return Fail("--size '{}' must be like 1280x800", text);
+  }
+  return size;
+}
+
+Result<PatternSequence> ChooseSequence(const PatternsOptions& options,
+                                       const PatternConfig& config) {
+  const int num_sources = static_cast<int>(!options.cell.empty()) +
+                          static_cast<int>(!options.size.empty()) +
+                          static_cast<int>(!options.patterns.empty());
+  if (num_sources != 1) {
+    return Fail("exactly one of --cell, --size and --patterns is needed, {} are given",
+                num_sources);
+  }
+  if (!options.patterns.empty()) return ReadPatterns(options.patterns);
+  if (!options.size.empty()) {
+    const Result<Size> size = ParseSize(options.size);
+    if (!size) return Forward(size);
+    return MakeSequence(config, size->width, size->height);
+  }
+  const auto calibration = ReadCellCalibration(options.cell);
+  if (!calibration) return Forward(calibration);
+  return MakeSequence(config, calibration->projector.width, calibration->projector.height);
+}
+
+Status Patterns(const PatternsOptions& options, Session& session) {
+  const auto config = session.LoadStage<PatternConfig>("pattern");
+  if (!config) return Forward(config);
+  const Result<PatternSequence> sequence = ChooseSequence(options, *config);
+  if (!sequence) return Forward(sequence);
+  if (Status status = MakeFolder(options.out); !status) return status;
+  session.console.Begin("patterns", 1);
+  const Progress progress = session.console.Part(0);
+  for (std::size_t i = 0; i < sequence->frames.size(); ++i) {
+    const Pattern& pattern = sequence->frames[i];
+    const double done = static_cast<double>(i) / static_cast<double>(sequence->frames.size());
+    if (!progress("patterns", done)) return Fail("{}", kCancelled);
+    const Image<std::uint8_t> picture =
+        RenderPattern(pattern, sequence->width, sequence->height, config->gamma);
+    const fs::path file =
+        fs::path(options.out) / fmt::format("{:03d}_{}.png", i, PatternName(pattern));
+    if (Status status = WriteImage(picture, file.string()); !status) return status;
+  }
+  const fs::path list = fs::path(options.out) / "patterns.yaml";
+  if (Status status = WritePatterns(*sequence, list.string()); !status) return status;
+  session.console.End();
+  session.figures.Set("num_frames", sequence->frames.size())
+      .Set("width", sequence->width)
+      .Set("height", sequence->height);
+  return {};
+}
+
+}  // namespace
+
+void AddPatterns(Tool& tool) {
+  AddCommand<PatternsOptions>(
+      tool, "patterns", "Settings -> patterns.yaml and the pictures that the projector has to show",
+      Declare, Patterns);
+}
+
+}  // namespace fringe_fusion::cli
