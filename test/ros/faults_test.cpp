@@ -5,7 +5,6 @@
 #include <sensor_msgs/JointState.h>
 #include <signal.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <filesystem>
@@ -67,22 +66,23 @@ class Cell {
   std::string state_;
 };
 
-/// The largest joint velocity heard last.
-class Velocity {
+/// The state of the turntable heard last.
+class Turntable {
  public:
-  Velocity() {
+  Turntable() {
     ros::NodeHandle nh;
     subscriber_ = nh.subscribe<sensor_msgs::JointState>(
         "joint_states", 10, [this](const sensor_msgs::JointState::ConstPtr& message) {
-          double largest = 0.0;
-          for (const double v : message->velocity) largest = std::max(largest, std::abs(v));
-          last_ = largest;
+          velocity_ = std::abs(message->velocity.at(0));
+          position_ = message->position.at(0);
         });
   }
-  [[nodiscard]] double Last() const { return last_; }
+  [[nodiscard]] double Velocity() const { return velocity_; }
+  [[nodiscard]] double Position() const { return position_; }
 
  private:
-  std::atomic<double> last_{0.0};
+  std::atomic<double> velocity_{0.0};
+  std::atomic<double> position_{0.0};
   ros::Subscriber subscriber_;
 };
 
@@ -99,15 +99,16 @@ TEST(Faults, MissingDeviceIsNamed) {
 TEST(Faults, CancelStopsTheMotionAndTheScanCanBeResumed) {
   const TempFolder folder;
   Cell cell;
-  const Velocity velocity;
+  const Turntable turntable;
   cell.Start(folder, 3, false);
   ASSERT_TRUE(cell.Reaches("moving to view 1"));
-  ASSERT_TRUE(test::WaitFor([&] { return velocity.Last() > 0.1; }, 5.0));
+  ASSERT_TRUE(test::WaitFor([&] { return turntable.Velocity() > 0.1; }, 5.0));
   cell.Cancel();
   EXPECT_EQ(cell.End(10.0), "PREEMPTED") << cell.Message();
-  EXPECT_TRUE(test::WaitFor([&] { return velocity.Last() == 0.0; }, 1.0));
+  EXPECT_TRUE(test::WaitFor([&] { return turntable.Velocity() == 0.0; }, 1.0));
   ros::WallDuration(0.5).sleep();
-  EXPECT_EQ(velocity.Last(), 0.0);
+  EXPECT_EQ(turntable.Velocity(), 0.0);
+  EXPECT_LT(turntable.Position(), 1.9) << "[rad]: it went on to its goal of 2/3 pi";
   EXPECT_TRUE(std::filesystem::exists(folder / "out/scan/views/000/view.yaml"));
 
   // A second scan into the same folder would mix two scans.
@@ -149,7 +150,10 @@ TEST(Faults, KilledFusionNodeIsFedFromDisk) {
   ASSERT_TRUE(cell.Reaches("view 1"));
   ASSERT_TRUE(test::WaitFor([&] { return num_held >= 1; }, 30.0));
   ASSERT_EQ(kill(fusion, SIGKILL), 0);
+  const ros::WallTime killed = ros::WallTime::now();
   EXPECT_TRUE(cell.Reaches("from disk"));
+  EXPECT_LT((ros::WallTime::now() - killed).toSec(), 15.0)
+      << "the loss was not noticed; only process_timeout_s, 20 s, made the cell send again";
   cell.ExpectMesh(folder, 3);
 }
 
