@@ -100,6 +100,7 @@ void AddPatterns(Tool& tool);
 void AddSimulate(Tool& tool);
 void AddDecode(Tool& tool);
 void AddReconstruct(Tool& tool);
+void AddPose(Tool& tool);
 void AddRegister(Tool& tool);
 void AddFuse(Tool& tool);
 void AddInspect(Tool& tool);

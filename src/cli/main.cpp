@@ -34,6 +34,7 @@ void Describe(Tool& tool) {
   AddSimulate(tool);
   AddDecode(tool);
   AddReconstruct(tool);
+  AddPose(tool);
   AddRegister(tool);
   AddFuse(tool);
   AddInspect(tool);
