@@ -18,7 +18,7 @@ struct AxisRow {
         variance_px2(size),
         log_odds(size),
         offset_dn(size),
-        modulation_dn(size),
+        amplitude2_dn2(size),
         status(size),
         half_px(size) {}
 
@@ -26,8 +26,8 @@ struct AxisRow {
   std::vector<float> variance_px2;
   std::vector<float> log_odds;  ///< of the fringe order against the others, least of all steps
   std::vector<float> offset_dn;
-  std::vector<float> modulation_dn;
-  std::vector<std::int32_t> status;  ///< MaskReason
+  std::vector<float> amplitude2_dn2;
+  std::vector<std::int32_t> status;  ///< RowStatus
   std::vector<float> half_px;        ///< half of the interval that the Gray code leaves open
 };
 
@@ -49,11 +49,11 @@ class AxisDecoder {
   void DecodeJoint();
   void DecodeMicro(const FrameRows& rows);
   void Store(std::size_t x, const Unwrapped& pixel);
-  void CheckOrders();
-  void FinishPhases();
+  void Finish();
 
   const AxisPlan& plan_;
   DecodeContext context_;
+  float least_log_odds_ = 0.0F;     ///< of a fringe order that is not in doubt
   bool repeats_over_size_ = false;  ///< every phase repeats after exactly one projector size
   std::optional<GrayFit> gray_;
   std::vector<StepFit> fits_;

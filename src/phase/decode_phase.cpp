@@ -3,6 +3,7 @@
 #include <limits>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "axis_decoder.hpp"
 #include "fringe_fusion/common/parallel.hpp"
@@ -28,51 +29,68 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr int kRowsPerChunk = 16;
 constexpr int kRowsPerReport = 256;
 
-PhaseMap MakePhaseMap(const ImageStack& stack, const DecodePlan& plan) {
+// The images are made side by side: touching that much fresh memory takes as long as decoding.
+PhaseMap MakePhaseMap(const ImageStack& stack, const DecodePlan& plan, const PhaseConfig& config) {
   PhaseMap map;
   map.width = Width(stack.frames.front());
   map.height = Height(stack.frames.front());
-  const Image<float> empty(map.width, map.height, kNan);
-  if (plan.u.IsCoded()) map.u = map.sigma_u = empty;
-  if (plan.v.IsCoded()) map.v = map.sigma_v = empty;
-  map.offset = empty;
-  map.modulation = empty;
-  map.mask = Image<std::uint8_t>(map.width, map.height);
-  map.color = stack.color ? *stack.color : Image<Rgb8>(map.width, map.height);
+  std::vector<Image<float>*> images = {&map.offset, &map.modulation};
+  if (plan.u.IsCoded()) images.insert(images.end(), {&map.u, &map.sigma_u});
+  if (plan.v.IsCoded()) images.insert(images.end(), {&map.v, &map.sigma_v});
+  if (config.report_order_error) images.push_back(&map.order_error);
+  const int num_images = static_cast<int>(images.size());
+  ParallelFor(num_images + 1, 1, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      if (i < num_images) {
+        *images[static_cast<std::size_t>(i)] = Image<float>(map.width, map.height);
+      } else {
+        map.mask = Image<std::uint8_t>(map.width, map.height);
+        map.color = stack.color ? *stack.color : Image<Rgb8>(map.width, map.height);
+      }
+    }
+  });
   map.first_stamp_ns = stack.frames.front().stamp_ns;
   map.last_stamp_ns = stack.frames.back().stamp_ns;
   return map;
 }
 
-Rgb8 GreyOf(float grey_dn, float full_scale_dn) {
-  const float byte = std::clamp(255.0F * grey_dn / full_scale_dn, 0.0F, 255.0F);
-  const auto value = static_cast<std::uint8_t>(std::lround(byte));
-  return {value, value, value};
+decode::AxisInput InputOf(const AxisRow& row) {
+  return {row.coordinate_px.data(), row.variance_px2.data(), row.offset_dn.data(),
+          row.amplitude2_dn2.data(), row.status.data()};
 }
 
 /// Decoders of one thread's chunk of rows.
 class RowDecoder {
  public:
   RowDecoder(const ImageStack& stack, const DecodeContext& context)
-      : context_(context), has_color_(stack.color.has_value()), rows_(stack, context) {
+      : context_(context),
+        has_color_(stack.color.has_value()),
+        rows_(stack, context),
+        light_(context.stride()),
+        texture_(context.stride()) {
     if (context.plan.u.IsCoded()) u_.emplace(context.plan.u, context);
     if (context.plan.v.IsCoded()) v_.emplace(context.plan.v, context);
   }
 
   void Run(int y, PhaseMap& map) {
     rows_.Load(y);
+    CheckLight();
     const AxisRow* u = u_ ? &u_->Run(rows_) : nullptr;
     const AxisRow* v = v_ ? &v_->Run(rows_) : nullptr;
     if (u == nullptr) u = v;
     if (v == nullptr) v = u;
-    for (int x = 0; x < map.width; ++x) {
-      const auto i = static_cast<std::size_t>(x);
-      map.offset(x, y) = 0.5F * (u->offset_dn[i] + v->offset_dn[i]);
-      map.modulation(x, y) = std::min(u->modulation_dn[i], v->modulation_dn[i]);
-      map.mask(x, y) = static_cast<std::uint8_t>(Judge(i, u->status[i], v->status[i]));
-    }
-    if (u_) StoreAxis(*u, y, map.mask, map.u, map.sigma_u);
-    if (v_) StoreAxis(*v, y, map.mask, map.v, map.sigma_v);
+    decode::ComposeArgs args;
+    args.u = InputOf(*u);
+    args.v = InputOf(*v);
+    args.light = light_.data();
+    args.u_px = u_ ? map.u.row(y) : nullptr;
+    args.v_px = v_ ? map.v.row(y) : nullptr;
+    args.sigma_u_px = u_ ? map.sigma_u.row(y) : nullptr;
+    args.sigma_v_px = v_ ? map.sigma_v.row(y) : nullptr;
+    args.offset = map.offset.row(y);
+    args.modulation = map.modulation.row(y);
+    args.mask = map.mask.row(y);
+    context_.kernels.compose(args, map.width);
     if (!has_color_) StoreTexture(y, map);
     if (!map.order_error.empty()) StoreOrderError(*u, *v, y, map);
   }
@@ -80,45 +98,31 @@ class RowDecoder {
  private:
   // Without light from the projector nothing can be decoded; with ambient light on it the pixel
   // does show a surface, so it lies in the projector's shadow or outside its picture.
-  [[nodiscard]] MaskReason CheckLight(std::size_t x) const {
+  void CheckLight() {
     const auto least = static_cast<float>(context_.config.min_contrast_dn);
-    bool lit_by_others = false;
-    for (std::size_t group = 0; group < context_.plan.groups.size(); ++group) {
-      const float dark = rows_.dark(static_cast<int>(group))[x];
-      if (rows_.bright(static_cast<int>(group))[x] - dark >= least) return MaskReason::kValid;
-      const bool has_black = !context_.plan.groups[group].black_frames.empty();
-      lit_by_others = lit_by_others || (has_black && dark >= 2.0F * least);
-    }
-    return lit_by_others ? MaskReason::kShadow : MaskReason::kTooDark;
-  }
-
-  [[nodiscard]] MaskReason Judge(std::size_t x, std::int32_t u, std::int32_t v) const {
-    const MaskReason light = CheckLight(x);
-    if (light != MaskReason::kValid) return light;
-    return static_cast<MaskReason>(u != 0 ? u : v);
-  }
-
-  static void StoreAxis(const AxisRow& row, int y, const Image<std::uint8_t>& mask,
-                        Image<float>& coordinate, Image<float>& sigma) {
-    const std::uint8_t* reasons = mask.row(y);
-    float* value = coordinate.row(y);
-    float* deviation = sigma.row(y);
-    for (std::size_t x = 0; x < static_cast<std::size_t>(mask.width()); ++x) {
-      const bool valid = reasons[x] == 0;
-      value[x] = valid ? row.coordinate_px[x] : kNan;
-      deviation[x] = valid ? std::sqrt(row.variance_px2[x]) : kNan;
+    std::fill(light_.begin(), light_.end(), static_cast<std::int32_t>(MaskReason::kTooDark));
+    for (std::size_t i = 0; i < context_.plan.groups.size(); ++i) {
+      const int group = static_cast<int>(i);
+      decode::LightArgs args{rows_.bright(group), rows_.dark(group), least,
+                             !context_.plan.groups[i].black_frames.empty(), light_.data()};
+      context_.kernels.check_light(args, context_.width);
     }
   }
 
   // The white frame at the exposure of the scan, or A + B where none was taken.
-  void StoreTexture(int y, PhaseMap& map) const {
+  void StoreTexture(int y, PhaseMap& map) {
     const int group = context_.plan.reference_group;
-    const auto& white = context_.plan.groups[static_cast<std::size_t>(group)].white_frames;
-    const float* bright = rows_.bright(group);
-    for (int x = 0; x < map.width; ++x) {
-      const float grey = white.empty() ? map.offset(x, y) + map.modulation(x, y) : bright[x];
-      map.color(x, y) = GreyOf(grey, context_.full_scale_dn);
+    const float* grey = rows_.bright(group);
+    if (context_.plan.groups[static_cast<std::size_t>(group)].white_frames.empty()) {
+      const float* offset = map.offset.row(y);
+      const float* modulation = map.modulation.row(y);
+      for (std::size_t x = 0; x < static_cast<std::size_t>(map.width); ++x) {
+        texture_[x] = offset[x] + modulation[x];
+      }
+      grey = texture_.data();
     }
+    static_assert(sizeof(Rgb8) == 3, "the picture is written as bytes");
+    context_.kernels.to_rgb(grey, context_.full_scale_dn, &map.color.row(y)->r, map.width);
   }
 
   static void StoreOrderError(const AxisRow& u, const AxisRow& v, int y, PhaseMap& map) {
@@ -138,6 +142,8 @@ class RowDecoder {
   FrameRows rows_;
   std::optional<AxisDecoder> u_;
   std::optional<AxisDecoder> v_;
+  std::vector<std::int32_t> light_;
+  std::vector<float> texture_;
 };
 
 Status DecodeRows(const ImageStack& stack, const DecodeContext& context, const Progress& progress,
@@ -231,8 +237,7 @@ Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
   const Result<DecodePlan> plan =
       decode::MakeDecodePlan(stack.sequence, decode::TakenExposures(stack));
   if (!plan) return Forward(plan);
-  PhaseMap map = MakePhaseMap(stack, *plan);
-  if (config.report_order_error) map.order_error = Image<float>(map.width, map.height, kNan);
+  PhaseMap map = MakePhaseMap(stack, *plan, config);
   const auto full_scale_dn = static_cast<float>((1 << stack.frames.front().bit_depth) - 1);
   const DecodeContext context{*plan, config, decode::BestKernels(), map.width, full_scale_dn};
   if (Status status = DecodeRows(stack, context, progress, map); !status) {

@@ -53,7 +53,7 @@ Unwrapped JointUnwrap::Run(const std::vector<StepFit>& fits, std::size_t x) {
   const Candidate best = FindBest(cycles, std::sqrt(static_cast<double>(finest.variance[x])));
   Unwrapped out;
   if (best.index < 0) {
-    out.reason = MaskReason::kDoubtfulOrder;
+    out.status = kRowDoubtfulOrder;
     return out;
   }
   out = Fuse(fits, x, (cycles + best.index - 1) / fringes_.back());
@@ -61,7 +61,7 @@ Unwrapped JointUnwrap::Run(const std::vector<StepFit>& fits, std::size_t x) {
   const double limit = context_.config.max_level_sigma;
   // One degree of freedom per set beyond the first.
   const double allowed = limit * limit + static_cast<double>(residuals_.size()) - 1.0;
-  if (!(best.cost <= allowed)) out.reason = MaskReason::kResidual;
+  if (!(best.cost <= allowed)) out.status = kRowResidual;
   return out;
 }
 

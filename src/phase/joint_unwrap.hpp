@@ -11,7 +11,7 @@ struct Unwrapped {
   double coordinate_px = 0.0;
   double variance_px2 = 0.0;
   double log_odds = 0.0;  ///< of this order against all others together
-  MaskReason reason = MaskReason::kValid;
+  RowStatus status = kRowValid;
 };
 
 /// Finds the orders of several frequencies at once by maximum likelihood: heterodyne sets, coprime

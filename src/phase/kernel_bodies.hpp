@@ -9,13 +9,15 @@
 
 namespace fringe_fusion::decode {
 
-constexpr std::int32_t kStatusLowModulation = 2;
-constexpr std::int32_t kStatusSaturated = 3;
-constexpr std::int32_t kStatusResidual = 5;
-constexpr std::int32_t kStatusDoubtfulOrder = 6;
+constexpr std::int32_t kTooDark = 1;
+constexpr std::int32_t kShadow = 8;
+// Grey values are whole numbers: amplitudes below these have no phase.
+constexpr float kLeastAmplitude = 1e-3F;
+constexpr float kLeastAmplitude2 = 1e-6F;
 constexpr float kTiny = 1e-20F;
 
 FRINGE_FUSION_INLINE float Larger(float a, float b) { return a > b ? a : b; }
+FRINGE_FUSION_INLINE std::int32_t Larger(std::int32_t a, std::int32_t b) { return a > b ? a : b; }
 FRINGE_FUSION_INLINE float Smaller(float a, float b) { return a < b ? a : b; }
 
 // To the nearest integer, for |x| < 2^22.
@@ -26,11 +28,9 @@ FRINGE_FUSION_INLINE float WrapToUnit(float cycles) {
   return rest < 0.0F ? rest + 1.0F : rest;
 }
 
-// atan2(sine, cosine) / (2 pi). Ref: Abramowitz & Stegun 1964, 4.4.49, error below 2e-8 rad.
-FRINGE_FUSION_INLINE float CyclesOf(float sine, float cosine) {
-  const float s = __builtin_fabsf(sine);
-  const float c = __builtin_fabsf(cosine);
-  const float r = Smaller(s, c) / Larger(Larger(s, c), kTiny);
+// atan(r) / (2 pi) in the octant of (sine, cosine), r = least over largest of their magnitudes.
+// Ref: Abramowitz & Stegun 1964, 4.4.49, error below 2e-8 rad.
+FRINGE_FUSION_INLINE float CyclesOf(float sine, float cosine, float r) {
   const float r2 = r * r;
   float p = 0.0028662257F;
   p = p * r2 - 0.0161657367F;
@@ -41,7 +41,7 @@ FRINGE_FUSION_INLINE float CyclesOf(float sine, float cosine) {
   p = p * r2 + 0.1999355085F;
   p = p * r2 - 0.3333314528F;
   float t = (r + r * (r2 * p)) * 0.15915494309F;
-  t = s > c ? 0.25F - t : t;
+  t = __builtin_fabsf(sine) > __builtin_fabsf(cosine) ? 0.25F - t : t;
   t = cosine < 0.0F ? 0.5F - t : t;
   return sine < 0.0F ? -t : t;
 }
@@ -69,34 +69,49 @@ struct Fit {
   float offset;
   float cosine;
   float sine;
+  float octant_ratio;  // least over largest magnitude of a and b
+  float amplitude2;
   float variance_rad2;
-  float residual;        // chi^2 / degrees of freedom
+  float residual;        // chi^2
   float residual_limit;  // of the same
   float num_samples;
   float peak;
 };
 
-FRINGE_FUSION_INLINE void Store(const Fit& fit, const FitArgs& args, const FitOut& out, int x) {
+FRINGE_FUSION_INLINE std::int32_t Store(const Fit& fit, const FitArgs& args, const FitOut& out,
+                                        int x) {
   constexpr float kInverseTwoPi2 = 0.0253302959F;  // 1 / (2 pi)^2
-  const float phase = args.sign * CyclesOf(fit.sine, fit.cosine) - args.offset_cycles;
-  out.cycles[x] = WrapToUnit(phase);
+  const float cycles = CyclesOf(fit.sine, fit.cosine, fit.octant_ratio);
+  out.cycles[x] = WrapToUnit(args.sign * cycles - args.offset_cycles);
   out.variance[x] = kInverseTwoPi2 * fit.variance_rad2;
   out.offset[x] = fit.offset;
-  out.modulation[x] = __builtin_sqrtf(fit.cosine * fit.cosine + fit.sine * fit.sine);
+  out.amplitude2[x] = fit.amplitude2;
   // Science 2.1: var phi = 2 sigma_I^2 / (N B^2), so this is (sigma_I / B)^2 of an equal even set.
   const float noise_ratio2 = 0.5F * fit.num_samples * fit.variance_rad2;
-  std::int32_t status = fit.residual <= fit.residual_limit ? 0 : kStatusResidual;
-  status = args.limits.min_modulation2 * noise_ratio2 <= 1.0F ? status : kStatusLowModulation;
-  out.status[x] = fit.peak < args.limits.saturation_dn ? status : kStatusSaturated;
+  std::int32_t status = fit.residual <= fit.residual_limit ? kRowValid : kRowResidual;
+  status = args.limits.min_modulation2 * noise_ratio2 <= 1.0F ? status : kRowLowModulation;
+  status = fit.peak < args.limits.saturation_dn ? status : kRowSaturated;
+  out.status[x] = status;
+  return status;
+}
+
+FRINGE_FUSION_INLINE float LeastMagnitude(const Fit& fit) {
+  return Smaller(__builtin_fabsf(fit.sine), __builtin_fabsf(fit.cosine));
+}
+
+FRINGE_FUSION_INLINE float LargestMagnitude(const Fit& fit) {
+  const float largest = Larger(__builtin_fabsf(fit.sine), __builtin_fabsf(fit.cosine));
+  return Larger(largest, kLeastAmplitude);
 }
 
 // Three steps determine A, a and b: weights change nothing. Shot noise follows the fringe and with
 // N = 3 its first harmonic does not cancel: var phi = 2/(3 B^2) (sigma_A^2 - gain B cos(3 phi) /
 // 2).
-FRINGE_FUSION_INLINE void FitThreeBody(const FitArgs& args, const FitOut& out, int count) {
+FRINGE_FUSION_INLINE std::int32_t FitThreeBody(const FitArgs& args, const FitOut& out, int count) {
   const float* __restrict i0 = args.frames[0];
   const float* __restrict i1 = args.frames[1];
   const float* __restrict i2 = args.frames[2];
+  std::int32_t greatest = kRowValid;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
     Fit fit{};
@@ -104,24 +119,33 @@ FRINGE_FUSION_INLINE void FitThreeBody(const FitArgs& args, const FitOut& out, i
     fit.cosine = (2.0F * i0[x] - i1[x] - i2[x]) * (1.0F / 3.0F);
     fit.sine = (i1[x] - i2[x]) * 0.57735026919F;
     const float a = fit.cosine;
-    const float b2 = Larger(a * a + fit.sine * fit.sine, kTiny);
+    fit.amplitude2 = a * a + fit.sine * fit.sine;
+    // One division serves all quotients.
+    const float b2 = Larger(fit.amplitude2, kLeastAmplitude2);
+    const float largest = LargestMagnitude(fit);
+    const float inverse = 1.0F / (b2 * largest);
+    const float inverse_b2 = largest * inverse;
+    fit.octant_ratio = LeastMagnitude(fit) * (b2 * inverse);
     const float noise = args.noise.floor_dn2 + args.noise.gain_dn * fit.offset;
-    const float third = 0.5F * args.noise.gain_dn * (4.0F * a * a * a / b2 - 3.0F * a);
-    fit.variance_rad2 = (2.0F / 3.0F) * Larger(noise - third, 0.25F * noise) / b2;
+    const float third = 0.5F * args.noise.gain_dn * a * (4.0F * (a * a * inverse_b2) - 3.0F);
+    fit.variance_rad2 = (2.0F / 3.0F) * Larger(noise - third, 0.25F * noise) * inverse_b2;
     fit.num_samples = 3.0F;
     fit.peak = Larger(i0[x], Larger(i1[x], i2[x]));
-    Store(fit, args, out, x);
+    greatest = Larger(greatest, Store(fit, args, out, x));
   }
+  return greatest;
 }
 
 // Four steps leave one contrast z = (I0 - I1 + I2 - I3) / 4 that is noise alone. Shot noise
 // correlates it with a and b; the weighted least squares takes that part out in closed form:
 // a (1 - e), b (1 + e), e = gain z / sigma_A^2, with the covariance of the corrected values.
-FRINGE_FUSION_INLINE void FitFourBody(const FitArgs& args, const FitOut& out, int count) {
+FRINGE_FUSION_INLINE std::int32_t FitFourBody(const FitArgs& args, const FitOut& out, int count) {
   const float* __restrict i0 = args.frames[0];
   const float* __restrict i1 = args.frames[1];
   const float* __restrict i2 = args.frames[2];
   const float* __restrict i3 = args.frames[3];
+  const float gain = args.noise.gain_dn;
+  std::int32_t greatest = kRowValid;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
     Fit fit{};
@@ -129,24 +153,32 @@ FRINGE_FUSION_INLINE void FitFourBody(const FitArgs& args, const FitOut& out, in
     const float odd = i1[x] + i3[x];
     fit.offset = 0.25F * (even + odd);
     const float z = 0.25F * (even - odd);
-    const float noise = args.noise.floor_dn2 + args.noise.gain_dn * fit.offset;
-    const float inverse_noise = 1.0F / noise;
-    const float e = Larger(-0.5F, Smaller(0.5F, args.noise.gain_dn * z * inverse_noise));
-    fit.cosine = 0.5F * (i0[x] - i2[x]) * (1.0F - e);
-    fit.sine = 0.5F * (i1[x] - i3[x]) * (1.0F + e);
-    const float a2 = fit.cosine * fit.cosine;
-    const float s2 = fit.sine * fit.sine;
-    const float inverse_b2 = 1.0F / Larger(a2 + s2, kTiny);
-    const float gain2 = args.noise.gain_dn * args.noise.gain_dn;
-    const float gained = gain2 * inverse_noise * (a2 * inverse_b2) * s2;
+    const float noise = args.noise.floor_dn2 + gain * fit.offset;
+    const float a = 0.5F * (i0[x] - i2[x]);
+    const float b = 0.5F * (i1[x] - i3[x]);
+    // e is small: B^2 and the octant of the plain fit serve as divisors of the corrected one.
+    fit.cosine = a;
+    fit.sine = b;
+    const float plain_b2 = a * a + b * b;
+    const float b2 = Larger(plain_b2, kLeastAmplitude2);
+    const float inverse = 1.0F / (noise * b2);
+    const float inverse_noise = b2 * inverse;
+    const float inverse_b2 = noise * inverse;
+    const float e = Larger(-0.5F, Smaller(0.5F, gain * z * inverse_noise));
+    fit.cosine = a * (1.0F - e);
+    fit.sine = b * (1.0F + e);
+    fit.octant_ratio = LeastMagnitude(fit) / LargestMagnitude(fit);
+    fit.amplitude2 = plain_b2;
+    const float gained = gain * gain * inverse_noise * (a * a * inverse_b2) * (b * b);
     fit.variance_rad2 = Larger(0.5F * noise - gained, 0.05F * noise) * inverse_b2;
     fit.residual = 4.0F * z * z * inverse_noise;
     fit.residual_limit =
-        args.limits.max_residual2 + 4.0F * args.limits.harmonic2 * (a2 + s2) * inverse_noise;
+        args.limits.max_residual2 + 4.0F * args.limits.harmonic2 * b2 * inverse_noise;
     fit.num_samples = 4.0F;
     fit.peak = Larger(Larger(i0[x], i1[x]), Larger(i2[x], i3[x]));
-    Store(fit, args, out, x);
+    greatest = Larger(greatest, Store(fit, args, out, x));
   }
+  return greatest;
 }
 
 constexpr int kBlock = 64;
@@ -247,15 +279,19 @@ FRINGE_FUSION_INLINE void SumResiduals(const FitArgs& args, int begin, const Sol
   }
 }
 
-FRINGE_FUSION_INLINE void StoreBlock(const FitArgs& args, const FitOut& out, int begin, int count,
-                                     const SolutionBlock& s, const ResidualBlock& r) {
+FRINGE_FUSION_INLINE std::int32_t StoreBlock(const FitArgs& args, const FitOut& out, int begin,
+                                             int count, const SolutionBlock& s,
+                                             const ResidualBlock& r) {
+  std::int32_t greatest = kRowValid;
 #pragma GCC ivdep
   for (int i = 0; i < count; ++i) {
     Fit fit{};
     fit.offset = s.a[i];
     fit.cosine = s.b[i];
     fit.sine = s.c[i];
-    const float b2 = Larger(s.b[i] * s.b[i] + s.c[i] * s.c[i], kTiny);
+    fit.amplitude2 = s.b[i] * s.b[i] + s.c[i] * s.c[i];
+    fit.octant_ratio = LeastMagnitude(fit) / LargestMagnitude(fit);
+    const float b2 = Larger(fit.amplitude2, kLeastAmplitude2);
     const float bb = s.b[i] * s.b[i] * s.vcc[i] + s.c[i] * s.c[i] * s.vbb[i];
     fit.variance_rad2 = Larger((bb - 2.0F * s.b[i] * s.c[i] * s.vbc[i]) / b2 / b2, kTiny);
     const float dof = Larger(r.count[i] - 3.0F, 0.0F);
@@ -265,15 +301,18 @@ FRINGE_FUSION_INLINE void StoreBlock(const FitArgs& args, const FitOut& out, int
     fit.num_samples = r.count[i];
     // Two shifts do not tell a phase.
     fit.peak = r.places[i] >= 3.0F ? 0.0F : args.limits.saturation_dn;
-    Store(fit, args, out, begin + i);
+    greatest = Larger(greatest, Store(fit, args, out, begin + i));
   }
+  return greatest;
 }
 
 // Science 2.7: one weighted least squares over all exposures; saturated samples have no weight.
-FRINGE_FUSION_INLINE void FitWeightedBody(const FitArgs& args, const FitOut& out, int count) {
+FRINGE_FUSION_INLINE std::int32_t FitWeightedBody(const FitArgs& args, const FitOut& out,
+                                                  int count) {
   NormalBlock sums;
   SolutionBlock fit;
   ResidualBlock residuals;
+  std::int32_t greatest = kRowValid;
   for (int begin = 0; begin < count; begin += kBlock) {
     Accumulate<true>(args, begin, fit, sums);
     Solve(sums, fit);
@@ -281,51 +320,220 @@ FRINGE_FUSION_INLINE void FitWeightedBody(const FitArgs& args, const FitOut& out
     Solve(sums, fit);
     SumResiduals(args, begin, fit, residuals);
     const int length = count - begin < kBlock ? count - begin : kBlock;
-    StoreBlock(args, out, begin, length, fit, residuals);
+    greatest = Larger(greatest, StoreBlock(args, out, begin, length, fit, residuals));
+  }
+  return greatest;
+}
+
+FRINGE_FUSION_INLINE void RaiseBody(const std::int32_t* __restrict in,
+                                    std::int32_t* __restrict status, int count) {
+  for (int x = 0; x < count; ++x) status[x] = Larger(status[x], in[x]);
+}
+
+FRINGE_FUSION_INLINE void NestOpenBody(const NestArgs& args, int count) {
+  const float p = args.period_px;
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    args.coordinate_px[x] = args.cycles[x] * p - 0.5F;
+    args.variance_px2[x] = args.variance[x] * (p * p);
+  }
+}
+
+// After a Gray code the estimate is an interval, whose next order lies `gap` outside: there the
+// tail of the normal distribution is below exp(-z^2 / 2) / 2.
+FRINGE_FUSION_INLINE void NestIntervalBody(const NestArgs& args, int count) {
+  const float p = args.period_px;
+  const float inverse_p = 1.0F / p;
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    const float wrapped = args.cycles[x] * p - 0.5F;
+    const float q = (args.coordinate_px[x] - wrapped) * inverse_p;
+    const float order = RoundToInteger(q);
+    const float d = __builtin_fabsf(q - order);
+    const float own = args.variance[x];
+    const float half = args.half_px[x] * inverse_p;
+    const float gap = Larger(1.0F - d - half, 0.0F);
+    const float odds = 0.5F * gap * gap / own;
+    const float beyond = Larger(d - 1.01F * half, 0.0F);
+    const bool near = d <= args.max_order_error || beyond * beyond <= 16.0F * own;
+    const bool certain = odds >= args.least_log_odds;
+    args.status[x] = Larger(args.status[x], near && certain ? kRowValid : kRowDoubtfulOrder);
+    if (args.log_odds != nullptr) args.log_odds[x] = Smaller(args.log_odds[x], odds);
+    args.coordinate_px[x] = wrapped + order * p;
+    args.variance_px2[x] = own * (p * p);
   }
 }
 
 // Science 2.3 and 2.4: the order of the finer set is the one nearest to the estimate so far. With a
 // deviation of d fringes and its variance v, the next order deviates by 1 - d: log odds of the two
-// (1 - 2 d) / (2 v). After a Gray code the estimate is an interval, whose next order lies `gap`
-// outside: there the tail of the normal distribution is below exp(-z^2 / 2) / 2.
-FRINGE_FUSION_INLINE void NestBody(const NestArgs& args, int count) {
+// (1 - 2 d) / (2 v). The estimates are fused by inverse variance.
+template <bool kReport>
+FRINGE_FUSION_INLINE void NestStep(const NestArgs& args, int count) {
   const float p = args.period_px;
   const float inverse_p = 1.0F / p;
-  const float scale = args.open || args.interval ? 1.0F : 1.0F + args.period_before_px * inverse_p;
-  const float systematic = args.phase_error * scale;
+  const float systematic = args.phase_error * (1.0F + args.period_before_px * inverse_p);
   const float systematic2 = systematic * systematic;
+  const float farthest2 = args.max_level_sigma * args.max_level_sigma;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
     const float before = args.coordinate_px[x];
     const float wrapped = args.cycles[x] * p - 0.5F;
     const float q = (before - wrapped) * inverse_p;
-    const float order = args.open ? 0.0F : RoundToInteger(q);
+    const float order = RoundToInteger(q);
     const float unwrapped = wrapped + order * p;
     const float d = __builtin_fabsf(q - order);
-    const float own = args.variance[x];
-    const float v = args.variance_px2[x] * (inverse_p * inverse_p) + own + systematic2;
-    const float half = args.half_px[x] * inverse_p;
-    const float gap = Larger(1.0F - d - half, 0.0F);
-    const float odds = args.interval ? 0.5F * gap * gap / own : 0.5F * (1.0F - 2.0F * d) / v;
-    args.log_odds[x] = args.open ? args.log_odds[x] : Smaller(args.log_odds[x], odds);
-    const float farthest =
-        args.interval ? Larger(args.max_order_error, 1.01F * half + 4.0F * __builtin_sqrtf(own))
-                      : args.max_order_error;
-    const bool near = args.open || d <= farthest;
-    const bool agrees =
-        args.open || args.interval || d <= args.max_level_sigma * __builtin_sqrtf(v);
-    std::int32_t status = args.status[x];
-    status = status == 0 && !agrees ? kStatusResidual : status;
-    args.status[x] =
-        (status == 0 || status == kStatusResidual) && !near ? kStatusDoubtfulOrder : status;
-    // Inverse variances; the first set replaces whatever stood there.
-    const float own_px2 = own * (p * p);
+    const float own_px2 = args.variance[x] * (p * p);
     const float old_px2 = args.variance_px2[x];
-    const bool first = args.open || args.interval;
-    const float share = first ? 0.0F : own_px2 / (own_px2 + old_px2);
-    args.coordinate_px[x] = first ? unwrapped : unwrapped + share * (before - unwrapped);
-    args.variance_px2[x] = first ? own_px2 : share * old_px2;
+    const float sum_px2 = own_px2 + old_px2;
+    const float v = sum_px2 * (inverse_p * inverse_p) + systematic2;
+    const bool near = d <= args.max_order_error && 0.5F - d >= args.least_log_odds * v;
+    std::int32_t status = d * d <= farthest2 * v ? kRowValid : kRowResidual;
+    status = near ? status : kRowDoubtfulOrder;
+    args.status[x] = Larger(args.status[x], status);
+    if (kReport) args.log_odds[x] = Smaller(args.log_odds[x], (0.5F - d) / v);
+    const float share = own_px2 / sum_px2;
+    args.coordinate_px[x] = unwrapped + share * (before - unwrapped);
+    args.variance_px2[x] = share * old_px2;
+  }
+}
+
+FRINGE_FUSION_INLINE void NestBody(const NestArgs& args, int count) {
+  if (args.log_odds != nullptr) {
+    NestStep<true>(args, count);
+  } else {
+    NestStep<false>(args, count);
+  }
+}
+
+// The coarsest set of exactly one fringe jumps by the projector size at its ends, where noise
+// decides the side. Finer sets repeat over the size too, so only the fused value can tell; a pixel
+// closer than 3 sigma to the border may belong to the opposite one.
+FRINGE_FUSION_INLINE void FinishBody(const FinishArgs& args, int count) {
+  const float size = args.size_px;
+  const float inverse_size = args.repeats ? 1.0F / size : 0.0F;
+  const float margin2 = args.repeats ? 9.0F : 0.0F;
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    const float turns = (args.coordinate_px[x] + 0.5F) * inverse_size;
+    const float coordinate = args.coordinate_px[x] - size * RoundToInteger(turns - 0.5F);
+    args.coordinate_px[x] = coordinate;
+    const float low = coordinate + 0.5F;
+    const float high = size - low;
+    const float nearest = Smaller(low, high);
+    const bool inside = nearest >= 0.0F && nearest * nearest >= margin2 * args.variance_px2[x];
+    args.status[x] = Larger(args.status[x], inside ? kRowValid : kRowOutside);
+  }
+}
+
+FRINGE_FUSION_INLINE void CheckLightBody(const LightArgs& args, int count) {
+  const float* bright = args.bright;
+  const float* dark = args.dark;
+  const float least_dark = args.has_black ? 2.0F * args.least : __builtin_inff();
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    const std::int32_t before = args.light[x];
+    const std::int32_t unlit = dark[x] >= least_dark ? kShadow : before;
+    args.light[x] = bright[x] - dark[x] >= args.least ? 0 : (before == 0 ? 0 : unlit);
+  }
+}
+
+// RowStatus as MaskReason.
+FRINGE_FUSION_INLINE std::int32_t ReasonOf(std::int32_t status) {
+  std::int32_t reason = status == kRowOutside ? 7 : 0;
+  reason = status == kRowResidual ? 5 : reason;
+  reason = status == kRowDoubtfulOrder ? 6 : reason;
+  reason = status == kRowLowModulation ? 2 : reason;
+  return status == kRowSaturated ? 3 : reason;
+}
+
+FRINGE_FUSION_INLINE void ComposeAxis(const AxisInput& in, const std::uint8_t* __restrict mask,
+                                      float* __restrict value, float* __restrict sigma, int count) {
+  const float nan = __builtin_nanf("");
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    const bool valid = mask[x] == 0;
+    value[x] = valid ? in.coordinate_px[x] : nan;
+    const float deviation = __builtin_sqrtf(in.variance_px2[x]);
+    sigma[x] = valid ? deviation : nan;
+  }
+}
+
+FRINGE_FUSION_INLINE void ComposeBody(const ComposeArgs& args, int count) {
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    args.offset[x] = 0.5F * (args.u.offset[x] + args.v.offset[x]);
+    args.modulation[x] = __builtin_sqrtf(Smaller(args.u.amplitude2[x], args.v.amplitude2[x]));
+  }
+#pragma GCC ivdep
+  for (int x = 0; x < count; ++x) {
+    // What is wrong with u explains the pixel before what is wrong with v.
+    const std::int32_t u = ReasonOf(args.u.status[x]);
+    const std::int32_t v = ReasonOf(args.v.status[x]);
+    const std::int32_t code = u != 0 ? u : v;
+    args.mask[x] = static_cast<std::uint8_t>(args.light[x] != 0 ? args.light[x] : code);
+  }
+  if (args.u_px != nullptr) ComposeAxis(args.u, args.mask, args.u_px, args.sigma_u_px, count);
+  if (args.v_px != nullptr) ComposeAxis(args.v, args.mask, args.v_px, args.sigma_v_px, count);
+}
+
+FRINGE_FUSION_INLINE void ToRgbBody(const float* __restrict grey, float full_scale,
+                                    std::uint8_t* __restrict rgb, int count) {
+  const float scale = 255.0F / full_scale;
+  for (int x = 0; x < count; ++x) {
+    const float byte = Smaller(Larger(scale * grey[x], 0.0F), 255.0F);
+    const auto value = static_cast<std::uint8_t>(static_cast<std::int32_t>(byte + 0.5F));
+    rgb[3 * x] = value;
+    rgb[3 * x + 1] = value;
+    rgb[3 * x + 2] = value;
+  }
+}
+
+FRINGE_FUSION_INLINE void RatioBody(const float* __restrict modulation,
+                                    const float* __restrict offset,
+                                    const std::uint8_t* __restrict mask, float* __restrict ratio,
+                                    int count) {
+  for (int x = 0; x < count; ++x) {
+    const float value = modulation[x] / Larger(offset[x], kTiny);
+    ratio[x] = mask[x] == 0 ? value : 0.0F;
+  }
+}
+
+// A pixel is a spike where both neighbours along one direction differ by more than the step; a
+// missing one counts as different, two missing ones tell nothing. NaN compares false.
+FRINGE_FUSION_INLINE bool JumpsOnBothSides(float here, float before, float after, float step) {
+  const bool near = __builtin_fabsf(here - before) <= step || __builtin_fabsf(here - after) <= step;
+  const bool known = before == before || after == after;
+  return known && !near;
+}
+
+FRINGE_FUSION_INLINE void FindEdgesBody(const EdgeArgs& args, int count) {
+  const float step = args.max_step_px;
+  const float* r0 = args.ratio[0];
+  const float* r1 = args.ratio[1];
+  const float* r2 = args.ratio[2];
+#pragma GCC ivdep
+  for (int x = 1; x < count - 1; ++x) {
+    const float sum = r0[x - 1] + r0[x] + r0[x + 1] + r1[x - 1] + r1[x] + r1[x + 1] + r2[x - 1] +
+                      r2[x] + r2[x + 1];
+    float valid = 0.0F;
+    for (int i = -1; i <= 1; ++i) {
+      valid += (r0[x + i] > 0.0F ? 1.0F : 0.0F) + (r1[x + i] > 0.0F ? 1.0F : 0.0F) +
+               (r2[x + i] > 0.0F ? 1.0F : 0.0F);
+    }
+    // B / A does not depend on the albedo: a texture edge stays and a blend of two phases falls.
+    const bool mixed = r1[x] * valid < args.least_ratio * sum;
+    bool spike = false;
+    if (args.u[1] != nullptr) {
+      const float here = args.u[1][x];
+      spike = JumpsOnBothSides(here, args.u[1][x - 1], args.u[1][x + 1], step) ||
+              JumpsOnBothSides(here, args.u[0][x], args.u[2][x], step);
+    }
+    if (args.v[1] != nullptr) {
+      const float here = args.v[1][x];
+      spike = spike || JumpsOnBothSides(here, args.v[1][x - 1], args.v[1][x + 1], step) ||
+              JumpsOnBothSides(here, args.v[0][x], args.v[2][x], step);
+    }
+    args.edges[x] = static_cast<std::uint8_t>(r1[x] > 0.0F && (mixed || spike) ? 1 : 0);
   }
 }
 

@@ -22,13 +22,23 @@ struct FitLimits {
   float harmonic2 = 0.0F;        ///< tolerated mean square of harmonics in them, of B^2
 };
 
-/// Results of fitting one phase set to a row; status holds MaskReason values.
+/// State of a pixel while it is decoded: the greatest one rules.
+enum RowStatus : std::int32_t {
+  kRowValid = 0,
+  kRowOutside = 1,
+  kRowResidual = 2,
+  kRowDoubtfulOrder = 3,
+  kRowLowModulation = 4,
+  kRowSaturated = 5,
+};
+
+/// Results of fitting one phase set to a row.
 struct FitOut {
-  float* cycles = nullptr;      ///< phase / 2 pi, 0..1
-  float* variance = nullptr;    ///< of cycles
-  float* offset = nullptr;      ///< A [DN]
-  float* modulation = nullptr;  ///< B [DN]
-  std::int32_t* status = nullptr;
+  float* cycles = nullptr;         ///< phase / 2 pi, 0..1
+  float* variance = nullptr;       ///< of cycles
+  float* offset = nullptr;         ///< A [DN]
+  float* amplitude2 = nullptr;     ///< B^2 [DN^2]
+  std::int32_t* status = nullptr;  ///< RowStatus
 };
 
 /// One phase set: I_n = exposure_n (A + B cos(phi - delta_n)), cycles = sign phi / 2 pi - offset.
@@ -52,16 +62,57 @@ struct NestArgs {
   const float* variance = nullptr;  ///< of cycles
   float period_px = 0.0F;
   float period_before_px = 0.0F;  ///< of the set before
-  bool open = false;              ///< first set, covers the whole axis
-  bool interval = false;          ///< first set, after a Gray code: half_px counts
   float phase_error = 0.0F;       ///< systematic error of a phase [cycles]
   float max_order_error = 0.5F;   ///< [fringes]
   float max_level_sigma = 0.0F;   ///< largest disagreement of two sets [sigma]
+  float least_log_odds = 0.0F;    ///< of the chosen order against the next one
   const float* half_px = nullptr;
   float* coordinate_px = nullptr;
   float* variance_px2 = nullptr;
-  float* log_odds = nullptr;  ///< least log odds of the chosen order against the next one
+  float* log_odds = nullptr;  ///< least log odds of all steps, or null when nobody asks
   std::int32_t* status = nullptr;
+};
+
+/// End of one axis: coordinates beyond the projector are taken out.
+struct FinishArgs {
+  float size_px = 0.0F;
+  bool repeats = false;  ///< every phase repeats after exactly one projector size
+  float* coordinate_px = nullptr;
+  const float* variance_px2 = nullptr;
+  std::int32_t* status = nullptr;
+};
+
+/// One decoded axis as it goes into the phase map.
+struct AxisInput {
+  const float* coordinate_px = nullptr;
+  const float* variance_px2 = nullptr;
+  const float* offset = nullptr;
+  const float* amplitude2 = nullptr;
+  const std::int32_t* status = nullptr;
+};
+
+/// Row of the phase map. Coordinates may be null where the axis is not coded.
+struct ComposeArgs {
+  AxisInput u;
+  AxisInput v;
+  const std::int32_t* light = nullptr;  ///< MaskReason of a pixel without light, 0 elsewhere
+  float* u_px = nullptr;
+  float* v_px = nullptr;
+  float* sigma_u_px = nullptr;
+  float* sigma_v_px = nullptr;
+  float* offset = nullptr;
+  float* modulation = nullptr;
+  std::uint8_t* mask = nullptr;
+};
+
+/// Three neighbouring rows of the phase map: before, here and after.
+struct EdgeArgs {
+  const float* u[3] = {nullptr, nullptr, nullptr};  ///< null: not coded
+  const float* v[3] = {nullptr, nullptr, nullptr};
+  const float* ratio[3] = {nullptr, nullptr, nullptr};  ///< B / A, 0 where invalid
+  float max_step_px = 0.0F;
+  float least_ratio = 0.0F;
+  std::uint8_t* edges = nullptr;
 };
 
 /// Costs of all candidate orders of one pixel.
@@ -77,17 +128,43 @@ struct JointArgs {
   float* scratch = nullptr;          ///< [candidate]
 };
 
+/// Grey values of a row lit and unlit.
+struct LightArgs {
+  const float* bright = nullptr;
+  const float* dark = nullptr;
+  float least = 0.0F;
+  bool has_black = false;  ///< dark is the grey value of a black frame
+  std::int32_t* light = nullptr;
+};
+
 struct Kernels {
   const char* name = "";
   void (*bytes_to_float)(const std::uint8_t* in, float* out, int count) = nullptr;
   void (*words_to_float)(const std::uint16_t* in, float* out, int count) = nullptr;
-  /// Lower and raise `low` and `high` to take in the row.
+  /// Lowers and raises `low` and `high` to take in the row.
   void (*extend_range)(const float* in, float* low, float* high, int count) = nullptr;
-  void (*fit_three)(const FitArgs& args, const FitOut& out, int count) = nullptr;
-  void (*fit_four)(const FitArgs& args, const FitOut& out, int count) = nullptr;
-  void (*fit_weighted)(const FitArgs& args, const FitOut& out, int count) = nullptr;
+  /// Sets `light` to 0 where bright - dark reaches `least`, else to shadow where dark does twice.
+  void (*check_light)(const LightArgs& args, int count) = nullptr;
+  /// Each fit returns the greatest status of the row.
+  std::int32_t (*fit_three)(const FitArgs& args, const FitOut& out, int count) = nullptr;
+  std::int32_t (*fit_four)(const FitArgs& args, const FitOut& out, int count) = nullptr;
+  std::int32_t (*fit_weighted)(const FitArgs& args, const FitOut& out, int count) = nullptr;
+  /// Raises every status to at least that of `in`.
+  void (*raise)(const std::int32_t* in, std::int32_t* status, int count) = nullptr;
+  /// First set that covers the whole axis; first set after a Gray code; any other set.
+  void (*nest_open)(const NestArgs& args, int count) = nullptr;
+  void (*nest_interval)(const NestArgs& args, int count) = nullptr;
   void (*nest)(const NestArgs& args, int count) = nullptr;
   void (*joint_cost)(const JointArgs& args) = nullptr;
+  void (*finish)(const FinishArgs& args, int count) = nullptr;
+  void (*compose)(const ComposeArgs& args, int count) = nullptr;
+  /// Grey picture of a row, three bytes a pixel.
+  void (*to_rgb)(const float* grey, float full_scale, std::uint8_t* rgb, int count) = nullptr;
+  /// B / A of valid pixels, 0 elsewhere.
+  void (*ratio)(const float* modulation, const float* offset, const std::uint8_t* mask,
+                float* ratio, int count) = nullptr;
+  /// Of the pixels 1 .. count - 2.
+  void (*find_edges)(const EdgeArgs& args, int count) = nullptr;
 };
 
 [[nodiscard]] const Kernels& PortableKernels();

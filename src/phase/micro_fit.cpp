@@ -46,7 +46,7 @@ Unwrapped MicroFit::Run(std::size_t x) {
   Fitted reference;
   offset_dn_ = modulation_dn_ = 0.0;
   if (!ReadPixel(x) || !FitReference(reference)) {
-    out.reason = MaskReason::kSaturated;
+    out.status = kRowSaturated;
     return out;
   }
   offset_dn_ = reference.offset;
@@ -55,7 +55,7 @@ Unwrapped MicroFit::Run(std::size_t x) {
       NoiseVariance(context_.config, static_cast<float>(std::max(0.0, reference.offset))));
   const double least = context_.config.min_modulation_sigma;
   if (!(reference.amplitude * reference.amplitude >= least * least * noise)) {
-    out.reason = MaskReason::kLowModulation;
+    out.status = kRowLowModulation;
     return out;
   }
   std::vector<Fitted> candidates;
@@ -178,7 +178,7 @@ Unwrapped MicroFit::Judge(const std::vector<Fitted>& refined) {
     information += sample.weight * sample.exposure * sample.exposure;
   const double harmonic = context_.config.max_harmonic_ratio * best.amplitude;
   if (!(best.chi2 <= limit * limit * dof + harmonic * harmonic * information)) {
-    out.reason = MaskReason::kResidual;
+    out.status = kRowResidual;
   }
   return out;
 }

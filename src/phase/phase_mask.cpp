@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <cstring>
 #include <limits>
+#include <vector>
 
 #include "fringe_fusion/common/parallel.hpp"
 
@@ -11,64 +12,92 @@ namespace fringe_fusion::decode {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr int kRowsPerChunk = 16;
+constexpr int kRowsPerChunk = 32;
 
-// True where both neighbours along one direction differ by more than the step; a missing one
-// counts as different, two missing ones tell nothing.
-bool JumpsOnBothSides(float here, float before, float after, float step) {
-  const bool has_before = std::isfinite(before);
-  const bool has_after = std::isfinite(after);
-  if (!has_before && !has_after) return false;
-  const bool near_before = has_before && std::abs(here - before) <= step;
-  const bool near_after = has_after && std::abs(here - after) <= step;
-  return !near_before && !near_after;
-}
+/// Finds the edges of one chunk of rows with their ratios B / A of three rows at a time.
+class EdgeFinder {
+ public:
+  EdgeFinder(const PhaseMap& map, const PhaseConfig& config, const Kernels& kernels)
+      : map_(map), kernels_(kernels), width_(static_cast<std::size_t>(map.width) + 2) {
+    args_.max_step_px = static_cast<float>(config.max_edge_step_px);
+    args_.least_ratio = static_cast<float>(config.min_mixed_ratio);
+    for (std::size_t i = 0; i < 3; ++i) {
+      u_[i].assign(width_, kNan);
+      v_[i].assign(width_, kNan);
+      ratio_[i].assign(width_, 0.0F);
+    }
+    edges_.assign(width_, 0);
+    args_.edges = edges_.data();
+  }
 
-bool IsSpike(const Image<float>& image, int x, int y, float step) {
-  if (image.empty()) return false;
-  const auto at = [&](int i, int j) { return image.Contains(i, j) ? image(i, j) : kNan; };
-  const float here = image(x, y);
-  return JumpsOnBothSides(here, at(x - 1, y), at(x + 1, y), step) ||
-         JumpsOnBothSides(here, at(x, y - 1), at(x, y + 1), step);
-}
-
-// B / A does not depend on the albedo, so a texture edge stays and a blend of two phases falls.
-bool IsMixed(const PhaseMap& map, int x, int y, float least_ratio) {
-  std::array<float, 9> ratios{};
-  std::size_t count = 0;
-  for (int j = std::max(0, y - 1); j <= std::min(map.height - 1, y + 1); ++j) {
-    for (int i = std::max(0, x - 1); i <= std::min(map.width - 1, x + 1); ++i) {
-      if (map.mask(i, j) == 0) ratios[count++] = map.modulation(i, j) / map.offset(i, j);
+  void Run(int begin, int end, Image<std::uint8_t>& edges) {
+    for (int y = begin - 1; y < end + 1; ++y) {
+      Load(y);
+      if (y - 1 < begin) continue;
+      for (std::size_t i = 0; i < 3; ++i) {
+        const std::size_t slot = (static_cast<std::size_t>(y + 1) + i) % 3;  // of row y - 2 + i
+        args_.u[i] = map_.u.empty() ? nullptr : u_[slot].data();
+        args_.v[i] = map_.v.empty() ? nullptr : v_[slot].data();
+        args_.ratio[i] = ratio_[slot].data();
+      }
+      kernels_.find_edges(args_, static_cast<int>(width_));
+      std::copy_n(edges_.begin() + 1, map_.width, edges.row(y - 1));
     }
   }
-  auto* middle = ratios.begin() + count / 2;
-  std::nth_element(ratios.begin(), middle, ratios.begin() + count);
-  return !(map.modulation(x, y) / map.offset(x, y) >= least_ratio * *middle);
+
+ private:
+  using Rows = std::array<std::vector<float>, 3>;
+
+  // With a missing pixel on either side, so that the border needs no case of its own.
+  void Load(int y) {
+    const std::size_t slot = static_cast<std::size_t>(y + 3) % 3;
+    const bool inside = y >= 0 && y < map_.height;
+    const auto copy = [&](const Image<float>& image, std::vector<float>& row) {
+      if (image.empty()) return;
+      if (inside) std::copy_n(image.row(y), map_.width, row.begin() + 1);
+      if (!inside) std::fill(row.begin(), row.end(), kNan);
+    };
+    copy(map_.u, u_[slot]);
+    copy(map_.v, v_[slot]);
+    if (inside) {
+      kernels_.ratio(map_.modulation.row(y), map_.offset.row(y), map_.mask.row(y),
+                     ratio_[slot].data() + 1, map_.width);
+    } else {
+      std::fill(ratio_[slot].begin(), ratio_[slot].end(), 0.0F);
+    }
+  }
+
+  const PhaseMap& map_;
+  const Kernels& kernels_;
+  std::size_t width_ = 0;
+  EdgeArgs args_;
+  Rows u_;
+  Rows v_;
+  Rows ratio_;
+  std::vector<std::uint8_t> edges_;
+};
+
+void TakeOut(const Image<std::uint8_t>& edges, int y, PhaseMap& map) {
+  const std::uint8_t* row = edges.row(y);
+  if (std::memchr(row, 1, static_cast<std::size_t>(map.width)) == nullptr) return;
+  for (int x = 0; x < map.width; ++x) {
+    if (row[x] == 0) continue;
+    map.mask(x, y) = static_cast<std::uint8_t>(MaskReason::kEdge);
+    for (Image<float>* image : {&map.u, &map.v, &map.sigma_u, &map.sigma_v}) {
+      if (!image->empty()) (*image)(x, y) = kNan;
+    }
+  }
 }
 
 }  // namespace
 
-PhaseMap MaskEdges(PhaseMap map, const PhaseConfig& config) {
+PhaseMap MaskEdges(PhaseMap map, const PhaseConfig& config, const Kernels& kernels) {
   Image<std::uint8_t> edges(map.width, map.height);
-  const auto step = static_cast<float>(config.max_edge_step_px);
-  const auto least_ratio = static_cast<float>(config.min_mixed_ratio);
+  ParallelFor(map.height, kRowsPerChunk,
+              [&](int begin, int end) { EdgeFinder(map, config, kernels).Run(begin, end, edges); });
   ParallelFor(map.height, kRowsPerChunk, [&](int begin, int end) {
-    for (int y = begin; y < end; ++y) {
-      for (int x = 0; x < map.width; ++x) {
-        if (map.mask(x, y) != 0) continue;
-        const bool edge = IsSpike(map.u, x, y, step) || IsSpike(map.v, x, y, step) ||
-                          IsMixed(map, x, y, least_ratio);
-        edges(x, y) = edge ? 1 : 0;
-      }
-    }
+    for (int y = begin; y < end; ++y) TakeOut(edges, y, map);
   });
-  for (std::size_t i = 0; i < edges.size(); ++i) {
-    if (edges[i] == 0) continue;
-    map.mask[i] = static_cast<std::uint8_t>(MaskReason::kEdge);
-    for (Image<float>* image : {&map.u, &map.v, &map.sigma_u, &map.sigma_v}) {
-      if (!image->empty()) (*image)[i] = kNan;
-    }
-  }
   return map;
 }
 

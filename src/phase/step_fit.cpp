@@ -74,25 +74,20 @@ FitArgs StepFit::Args() const {
 
 void StepFit::RunEven(const FitArgs& args) {
   const auto fit = set_.steps == 3 ? context_.kernels.fit_three : context_.kernels.fit_four;
-  fit(args, row_.out(), context_.width);
+  const std::int32_t greatest = fit(args, row_.out(), context_.width);
   // Three different shifts must remain.
-  if (set_.steps > 3) RefitSaturated(args);
+  if (set_.steps > 3 && greatest == kRowSaturated) RefitSaturated(args);
 }
 
 void StepFit::RefitSaturated(const FitArgs& args) {
-  constexpr auto kSaturated = static_cast<std::int32_t>(MaskReason::kSaturated);
   const auto width = static_cast<std::size_t>(context_.width);
-  if (std::find(row_.status.begin(), row_.status.begin() + context_.width, kSaturated) ==
-      row_.status.begin() + context_.width) {
-    return;
-  }
   context_.kernels.fit_weighted(args, refit_.out(), context_.width);
   for (std::size_t x = 0; x < width; ++x) {
-    if (row_.status[x] != kSaturated) continue;
+    if (row_.status[x] != kRowSaturated) continue;
     row_.cycles[x] = refit_.cycles[x];
     row_.variance[x] = refit_.variance[x];
     row_.offset[x] = refit_.offset[x];
-    row_.modulation[x] = refit_.modulation[x];
+    row_.amplitude2[x] = refit_.amplitude2[x];
     row_.status[x] = refit_.status[x];
   }
 }
@@ -133,12 +128,10 @@ void StepFit::DemodulatePixel(std::size_t x) {
   row_.cycles[x] = static_cast<float>(cycles - std::floor(cycles));
   row_.variance[x] = static_cast<float>(variance_rad2 / (kTwoPi * kTwoPi));
   row_.offset[x] = static_cast<float>(offset);
-  row_.modulation[x] = static_cast<float>(std::sqrt(b2));
+  row_.amplitude2[x] = static_cast<float>(b2);
   const double least = context_.config.min_modulation_sigma;
-  MaskReason reason = MaskReason::kValid;
-  if (!(least * least * variance_dn2 <= b2)) reason = MaskReason::kLowModulation;
-  if (!(peak < context_.saturation_dn())) reason = MaskReason::kSaturated;
-  row_.status[x] = static_cast<std::int32_t>(reason);
+  row_.status[x] = least * least * variance_dn2 <= b2 ? kRowValid : kRowLowModulation;
+  if (!(peak < context_.saturation_dn())) row_.status[x] = kRowSaturated;
 }
 
 }  // namespace fringe_fusion::decode

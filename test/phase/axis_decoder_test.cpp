@@ -9,9 +9,7 @@
 namespace fringe_fusion::decode {
 namespace {
 
-MaskReason ReasonAt(const AxisRow& row, std::size_t x) {
-  return static_cast<MaskReason>(row.status[x]);
-}
+std::int32_t StatusAt(const AxisRow& row, std::size_t x) { return row.status[x]; }
 
 // Science 2.3: P = erfc(pi / (sqrt(2) sqrt(s^2 sigma_l^2 + sigma_h^2))) with s = f_h / f_l. The
 // limit of the order error is opened, so that wrong orders come through and can be counted.
@@ -64,7 +62,7 @@ TEST(AxisDecoder, DoubtfulOrdersAreMasked) {
   test::RowFixture fixture(stack);
   AxisDecoder decoder(fixture.plan.u, fixture.context);
   fixture.rows.Load(5);
-  EXPECT_EQ(ReasonAt(decoder.Run(fixture.rows), 20), MaskReason::kDoubtfulOrder);
+  EXPECT_EQ(StatusAt(decoder.Run(fixture.rows), 20), kRowDoubtfulOrder);
 }
 
 TEST(AxisDecoder, CodesBeyondTheProjectorAreOutside) {
@@ -79,8 +77,8 @@ TEST(AxisDecoder, CodesBeyondTheProjectorAreOutside) {
   AxisDecoder decoder(fixture.plan.u, fixture.context);
   fixture.rows.Load(0);
   const AxisRow& row = decoder.Run(fixture.rows);
-  EXPECT_EQ(ReasonAt(row, 39), MaskReason::kValid);
-  EXPECT_EQ(ReasonAt(row, 40), MaskReason::kOutsideProjector);
+  EXPECT_EQ(StatusAt(row, 39), kRowValid);
+  EXPECT_EQ(StatusAt(row, 40), kRowOutside);
 }
 
 }  // namespace

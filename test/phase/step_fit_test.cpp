@@ -36,7 +36,7 @@ TEST(StepFit, RecoversPhaseOffsetAndModulation) {
     for (std::size_t x = 0; x < 64; ++x) {
       EXPECT_NEAR(PhaseError(fit, x, scene.u(static_cast<int>(x), 3)), 0.0, 1e-4);
       EXPECT_NEAR(fit.row().offset[x], 25000.0F, 2.0F);
-      EXPECT_NEAR(fit.row().modulation[x], 20000.0F, 2.0F);
+      EXPECT_NEAR(std::sqrt(fit.row().amplitude2[x]), 20000.0F, 2.0F);
       EXPECT_EQ(fit.row().status[x], 0);
     }
   }
@@ -159,13 +159,13 @@ TEST(StepFit, NamesWhatIsWrong) {
     StepFit fit(fixture.plan.u.sets[1], fixture.context);
     fixture.rows.Load(0);
     fit.Run(fixture.rows);
-    return static_cast<MaskReason>(fit.row().status[10]);
+    return fit.row().status[10];
   };
   for (const int steps : {3, 4, 5}) {
-    EXPECT_EQ(reason(scene, steps), MaskReason::kLowModulation) << steps;
+    EXPECT_EQ(reason(scene, steps), kRowLowModulation) << steps;
     test::SyntheticScene bright = WordScene();
     bright.dark_dn = bright.bright_dn = 1e6;
-    EXPECT_EQ(reason(bright, steps), MaskReason::kSaturated) << steps;
+    EXPECT_EQ(reason(bright, steps), kRowSaturated) << steps;
   }
 }
 
@@ -180,7 +180,7 @@ TEST(StepFit, DropsOneSaturatedSample) {
   fit.Run(fixture.rows);
   ASSERT_EQ(fit.row().status[0], 0);
   EXPECT_NEAR(PhaseError(fit, 0, scene.u(0, 0)), 0.0, 2e-4);
-  EXPECT_NEAR(fit.row().modulation[0], 32500.0F, 5.0F);
+  EXPECT_NEAR(std::sqrt(fit.row().amplitude2[0]), 32500.0F, 5.0F);
 }
 
 // A carrier keeps only the direct light; the indirect light would shift nothing but B / A here.
@@ -197,7 +197,7 @@ TEST(StepFit, CarrierSeparatesDirectLight) {
   for (std::size_t x = 0; x < 64; ++x) {
     EXPECT_NEAR(PhaseError(fit, x, scene.u(static_cast<int>(x), 3)), 0.0, 2e-4);
     // 40000 / 4: half of the light through the carrier, half of the rest in the fringe.
-    EXPECT_NEAR(fit.row().modulation[x], 10000.0F, 3.0F);
+    EXPECT_NEAR(std::sqrt(fit.row().amplitude2[x]), 10000.0F, 3.0F);
     EXPECT_NEAR(fit.row().offset[x], 10000.0F, 3.0F);
   }
 }

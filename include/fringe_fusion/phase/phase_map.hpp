@@ -73,7 +73,7 @@ struct PhaseConfig {
   bool gray_one_per_cell = true;  ///< Gray code alone on both axes: one pixel per projector cell
   int gray_fit_radius_px = 2;     ///< Gray code alone, else: half window of local fit; 0: off
   double max_edge_step_px = 8.0;  ///< largest jump of u or v between neighbours [projector px]
-  double min_mixed_ratio = 0.5;   ///< least B / A of a pixel, of the median of its 3 x 3 window
+  double min_mixed_ratio = 0.5;   ///< least B / A of a pixel, of the mean of its 3 x 3 window
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
