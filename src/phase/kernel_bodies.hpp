@@ -420,8 +420,10 @@ FRINGE_FUSION_INLINE void FinishBody(const FinishArgs& args, int count) {
     const float low = coordinate + 0.5F;
     const float high = size - low;
     const float nearest = Smaller(low, high);
-    const bool inside = nearest >= 0.0F && nearest * nearest >= margin2 * args.variance_px2[x];
-    args.status[x] = Larger(args.status[x], inside ? kRowValid : kRowOutside);
+    const float margin_px2 = margin2 * args.variance_px2[x];
+    std::int32_t status = nearest * nearest >= margin_px2 ? kRowValid : kRowOutside;
+    status = nearest >= 0.0F ? status : kRowOutside;
+    args.status[x] = Larger(args.status[x], status);
   }
 }
 
@@ -451,10 +453,11 @@ FRINGE_FUSION_INLINE void ComposeAxis(const AxisInput& in, const std::uint8_t* _
   const float nan = __builtin_nanf("");
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
-    const bool valid = mask[x] == 0;
-    value[x] = valid ? in.coordinate_px[x] : nan;
+    const std::int32_t reason = mask[x];
+    const float coordinate = in.coordinate_px[x];
     const float deviation = __builtin_sqrtf(in.variance_px2[x]);
-    sigma[x] = valid ? deviation : nan;
+    value[x] = reason == 0 ? coordinate : nan;
+    sigma[x] = reason == 0 ? deviation : nan;
   }
 }
 
@@ -469,8 +472,9 @@ FRINGE_FUSION_INLINE void ComposeBody(const ComposeArgs& args, int count) {
     // What is wrong with u explains the pixel before what is wrong with v.
     const std::int32_t u = ReasonOf(args.u.status[x]);
     const std::int32_t v = ReasonOf(args.v.status[x]);
+    const std::int32_t light = args.light[x];
     const std::int32_t code = u != 0 ? u : v;
-    args.mask[x] = static_cast<std::uint8_t>(args.light[x] != 0 ? args.light[x] : code);
+    args.mask[x] = static_cast<std::uint8_t>(light != 0 ? light : code);
   }
   if (args.u_px != nullptr) ComposeAxis(args.u, args.mask, args.u_px, args.sigma_u_px, count);
   if (args.v_px != nullptr) ComposeAxis(args.v, args.mask, args.v_px, args.sigma_v_px, count);
@@ -500,40 +504,56 @@ FRINGE_FUSION_INLINE void RatioBody(const float* __restrict modulation,
 
 // A pixel is a spike where both neighbours along one direction differ by more than the step; a
 // missing one counts as different, two missing ones tell nothing. NaN compares false.
-FRINGE_FUSION_INLINE bool JumpsOnBothSides(float here, float before, float after, float step) {
-  const bool near = __builtin_fabsf(here - before) <= step || __builtin_fabsf(here - after) <= step;
-  const bool known = before == before || after == after;
-  return known && !near;
+FRINGE_FUSION_INLINE std::int32_t JumpsOnBothSides(float here, float before, float after,
+                                                   float step) {
+  const std::int32_t near_before = __builtin_fabsf(here - before) <= step ? 1 : 0;
+  const std::int32_t near_after = __builtin_fabsf(here - after) <= step ? 1 : 0;
+  const std::int32_t has_before = before == before ? 1 : 0;
+  const std::int32_t has_after = after == after ? 1 : 0;
+  return (has_before | has_after) & (1 - (near_before | near_after));
+}
+
+// B / A does not depend on the albedo: a texture edge stays and a blend of two phases falls.
+FRINGE_FUSION_INLINE void FindMixed(const EdgeArgs& args, int count) {
+  const float* __restrict r0 = args.ratio[0];
+  const float* __restrict r1 = args.ratio[1];
+  const float* __restrict r2 = args.ratio[2];
+  std::int32_t* __restrict found = args.found;
+#pragma GCC ivdep
+  for (int x = 1; x < count - 1; ++x) {
+    const float here = r1[x];
+    const float sum = r0[x - 1] + r0[x] + r0[x + 1] + r1[x - 1] + here + r1[x + 1] + r2[x - 1] +
+                      r2[x] + r2[x + 1];
+    const float above = (r0[x - 1] > 0.0F ? 1.0F : 0.0F) + (r0[x] > 0.0F ? 1.0F : 0.0F) +
+                        (r0[x + 1] > 0.0F ? 1.0F : 0.0F);
+    const float beside = (r1[x - 1] > 0.0F ? 1.0F : 0.0F) + (here > 0.0F ? 1.0F : 0.0F) +
+                         (r1[x + 1] > 0.0F ? 1.0F : 0.0F);
+    const float below = (r2[x - 1] > 0.0F ? 1.0F : 0.0F) + (r2[x] > 0.0F ? 1.0F : 0.0F) +
+                        (r2[x + 1] > 0.0F ? 1.0F : 0.0F);
+    found[x] = here * (above + beside + below) < args.least_ratio * sum ? 1 : 0;
+  }
+}
+
+FRINGE_FUSION_INLINE void FindSpikes(const float* const* rows, float step,
+                                     std::int32_t* __restrict found, int count) {
+  const float* __restrict above = rows[0];
+  const float* __restrict here = rows[1];
+  const float* __restrict below = rows[2];
+#pragma GCC ivdep
+  for (int x = 1; x < count - 1; ++x) {
+    found[x] |= JumpsOnBothSides(here[x], here[x - 1], here[x + 1], step) |
+                JumpsOnBothSides(here[x], above[x], below[x], step);
+  }
 }
 
 FRINGE_FUSION_INLINE void FindEdgesBody(const EdgeArgs& args, int count) {
-  const float step = args.max_step_px;
-  const float* r0 = args.ratio[0];
-  const float* r1 = args.ratio[1];
-  const float* r2 = args.ratio[2];
-#pragma GCC ivdep
+  FindMixed(args, count);
+  if (args.u[1] != nullptr) FindSpikes(args.u, args.max_step_px, args.found, count);
+  if (args.v[1] != nullptr) FindSpikes(args.v, args.max_step_px, args.found, count);
+  const float* __restrict ratio = args.ratio[1];
   for (int x = 1; x < count - 1; ++x) {
-    const float sum = r0[x - 1] + r0[x] + r0[x + 1] + r1[x - 1] + r1[x] + r1[x + 1] + r2[x - 1] +
-                      r2[x] + r2[x + 1];
-    float valid = 0.0F;
-    for (int i = -1; i <= 1; ++i) {
-      valid += (r0[x + i] > 0.0F ? 1.0F : 0.0F) + (r1[x + i] > 0.0F ? 1.0F : 0.0F) +
-               (r2[x + i] > 0.0F ? 1.0F : 0.0F);
-    }
-    // B / A does not depend on the albedo: a texture edge stays and a blend of two phases falls.
-    const bool mixed = r1[x] * valid < args.least_ratio * sum;
-    bool spike = false;
-    if (args.u[1] != nullptr) {
-      const float here = args.u[1][x];
-      spike = JumpsOnBothSides(here, args.u[1][x - 1], args.u[1][x + 1], step) ||
-              JumpsOnBothSides(here, args.u[0][x], args.u[2][x], step);
-    }
-    if (args.v[1] != nullptr) {
-      const float here = args.v[1][x];
-      spike = spike || JumpsOnBothSides(here, args.v[1][x - 1], args.v[1][x + 1], step) ||
-              JumpsOnBothSides(here, args.v[0][x], args.v[2][x], step);
-    }
-    args.edges[x] = static_cast<std::uint8_t>(r1[x] > 0.0F && (mixed || spike) ? 1 : 0);
+    const std::int32_t valid = ratio[x] > 0.0F ? 1 : 0;
+    args.edges[x] = static_cast<std::uint8_t>(args.found[x] & valid);
   }
 }
 

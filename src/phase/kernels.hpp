@@ -112,6 +112,7 @@ struct EdgeArgs {
   const float* ratio[3] = {nullptr, nullptr, nullptr};  ///< B / A, 0 where invalid
   float max_step_px = 0.0F;
   float least_ratio = 0.0F;
+  std::int32_t* found = nullptr;  ///< scratch
   std::uint8_t* edges = nullptr;
 };
 

@@ -27,7 +27,9 @@ class EdgeFinder {
       ratio_[i].assign(width_, 0.0F);
     }
     edges_.assign(width_, 0);
+    found_.assign(width_, 0);
     args_.edges = edges_.data();
+    args_.found = found_.data();
   }
 
   void Run(int begin, int end, Image<std::uint8_t>& edges) {
@@ -74,6 +76,7 @@ class EdgeFinder {
   Rows u_;
   Rows v_;
   Rows ratio_;
+  std::vector<std::int32_t> found_;
   std::vector<std::uint8_t> edges_;
 };
 
