@@ -4,6 +4,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "fringe_fusion/common/parallel.hpp"
+
 namespace fringe_fusion::internal {
 namespace {
 
@@ -15,7 +17,42 @@ bool IsStep(const RangeImage& range, std::size_t a, std::size_t b, double step_m
   return !(static_cast<double>(std::min(off_a, off_b)) <= step_m);
 }
 
-cv::Mat InteriorMask(const RangeImage& range, double step_m) {
+std::size_t PixelIndex(const RangeImage& range, int x, int y) {
+  return static_cast<std::size_t>(y) * static_cast<std::size_t>(range.width) +
+         static_cast<std::size_t>(x);
+}
+
+// Points that no two of their neighbours confirm: spikes. A rib of one pixel keeps the two along
+// it.
+Image<std::uint8_t> FindSpikes(const RangeImage& range, double step_m) {
+  // A surface seen at 83 deg; a spike of a grazing ray hardly leaves the tangent plane.
+  constexpr double kMaxGapInSpacings = 8.0;
+  const double max_gap_m = kMaxGapInSpacings * PointSpacing(range);
+  const auto confirms = [&](std::size_t a, std::size_t b) {
+    const auto gap_m = static_cast<double>((range.points[b] - range.points[a]).norm());
+    return gap_m <= max_gap_m && !IsStep(range, a, b, step_m);
+  };
+  Image<std::uint8_t> spikes(range.width, range.height, 0);
+  ParallelFor(range.height, 16, [&](int begin, int end) {
+    for (int y = begin; y < end; ++y) {
+      for (int x = 0; x < range.width; ++x) {
+        if (!IsValid(range, x, y)) continue;
+        int num_confirmed = 0;
+        for (int i = 0; i < 9; ++i) {
+          const int nx = x + i % 3 - 1;
+          const int ny = y + i / 3 - 1;
+          if (i == 4 || !range.points.Contains(nx, ny) || !IsValid(range, nx, ny)) continue;
+          if (confirms(PixelIndex(range, x, y), PixelIndex(range, nx, ny))) ++num_confirmed;
+        }
+        if (num_confirmed < 2) spikes(x, y) = 1;
+      }
+    }
+  });
+  return spikes;
+}
+
+// Zero where a surface ends. A spike is neither surface nor the end of one.
+cv::Mat InteriorMask(const RangeImage& range, const Image<std::uint8_t>& spikes, double step_m) {
   // One pixel of frame: the view ends at the image border as well.
   cv::Mat mask = cv::Mat::zeros(range.height + 2, range.width + 2, CV_8U);
   for (int y = 0; y < range.height; ++y) {
@@ -23,14 +60,10 @@ cv::Mat InteriorMask(const RangeImage& range, double step_m) {
       if (IsValid(range, x, y)) mask.at<std::uint8_t>(y + 1, x + 1) = 255;
     }
   }
-  const cv::Mat valid = mask.clone();
+  const auto on_surface = [&](int x, int y) { return IsValid(range, x, y) && spikes(x, y) == 0; };
   const auto mark = [&](int x0, int y0, int x1, int y1) {
-    if (valid.at<std::uint8_t>(y0 + 1, x0 + 1) == 0) return;
-    if (valid.at<std::uint8_t>(y1 + 1, x1 + 1) == 0) return;
-    const auto width = static_cast<std::size_t>(range.width);
-    const std::size_t a = static_cast<std::size_t>(y0) * width + static_cast<std::size_t>(x0);
-    const std::size_t b = static_cast<std::size_t>(y1) * width + static_cast<std::size_t>(x1);
-    if (!IsStep(range, a, b, step_m)) return;
+    if (!on_surface(x0, y0) || !on_surface(x1, y1)) return;
+    if (!IsStep(range, PixelIndex(range, x0, y0), PixelIndex(range, x1, y1), step_m)) return;
     mask.at<std::uint8_t>(y0 + 1, x0 + 1) = 0;
     mask.at<std::uint8_t>(y1 + 1, x1 + 1) = 0;
   };
@@ -65,13 +98,20 @@ double MedianStep(const RangeImage& range, int step_x, int step_y) {
 Image<float> BorderTaper(const RangeImage& range, double taper_px, double step_m) {
   Image<float> taper(range.width, range.height, 1.0F);
   const bool has_structure = range.width > 1 && range.height > 1;
-  if (!(taper_px > 0.0) || !has_structure) return taper;
+  if (!has_structure) return taper;
+  const Image<std::uint8_t> spikes = FindSpikes(range, step_m);
+  for (std::size_t i = 0; i < spikes.size(); ++i) {
+    if (spikes[i] != 0) taper[i] = 0.0F;
+  }
+  if (!(taper_px > 0.0)) return taper;
   cv::Mat distance;
-  cv::distanceTransform(InteriorMask(range, step_m), distance, cv::DIST_L2, cv::DIST_MASK_5);
+  cv::distanceTransform(InteriorMask(range, spikes, step_m), distance, cv::DIST_L2,
+                        cv::DIST_MASK_5);
   // A border pixel keeps a little weight: thin ribs are all border and must not vanish.
   constexpr float kBorderDistancePx = 1.0F;
   for (int y = 0; y < range.height; ++y) {
     for (int x = 0; x < range.width; ++x) {
+      if (spikes(x, y) != 0) continue;
       const float from_edge = std::max(kBorderDistancePx, distance.at<float>(y + 1, x + 1));
       const float t = std::min(1.0F, from_edge / (static_cast<float>(taper_px) + 1.0F));
       taper(x, y) = t * t * (3.0F - 2.0F * t);

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <unordered_map>
 #include <utility>
 
 #include "block_field.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "level_blend.hpp"
+#include "model_impl.hpp"
 
 namespace fringe_fusion {
 
@@ -21,7 +21,6 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr double kBytesPerGb = 1e9;
-constexpr std::size_t kBytesPerBlock = sizeof(BlockField) + 64;  // with its map entry
 
 FieldSample Unsupported() {
   FieldSample sample;
@@ -30,56 +29,15 @@ FieldSample Unsupported() {
   return sample;
 }
 
-struct RebuiltBlock {
-  BlockKey key = 0;
-  std::unique_ptr<BlockField> field;  // nullptr: no sample reaches the block any more
-};
-
 }  // namespace
-
-struct ImplicitModel::Impl {
-  FusionConfig config;
-  std::map<int, ViewSamples> views;
-  std::unordered_map<BlockKey, std::unique_ptr<BlockField>> blocks;  // looked up, never iterated in
-  std::vector<BlockKey> keys;                                        // order; keys is ascending
-  float min_weight = 0.0F;
-
-  [[nodiscard]] const BlockField* Find(BlockKey key) const {
-    const auto found = blocks.find(key);
-    return found == blocks.end() ? nullptr : found->second.get();
-  }
-  [[nodiscard]] bool Supported(const Voxel& voxel) const {
-    return voxel.weight > 0.0F && voxel.weight >= min_weight;
-  }
-  [[nodiscard]] internal::FieldSettings Settings() const {
-    return {config.voxel_m, config.order, config.num_levels, config.kernel_radius_voxels,
-            config.max_centroid_offset_voxels};
-  }
-
-  [[nodiscard]] std::size_t SampleBytes() const {
-    std::size_t bytes = 0;
-    for (const auto& [id, view] : views) bytes += view.MemoryBytes();
-    return bytes;
-  }
-
-  [[nodiscard]] Status CheckMemory(std::size_t num_touched, std::size_t new_sample_bytes) const;
-  [[nodiscard]] Result<std::vector<RebuiltBlock>> Rebuild(
-      const std::vector<BlockKey>& touched, const std::vector<const ViewSamples*>& sources,
-      const Progress& progress) const;
-  // The blocks whose field changes when these views come or go.
-  [[nodiscard]] std::vector<BlockKey> Affected(
-      const std::vector<const ViewSamples*>& changed) const;
-  void Commit(std::vector<RebuiltBlock> rebuilt);
-  void Blend(const std::vector<BlockKey>& changed);
-  void UpdateMinWeight();
-};
 
 // Old and new fields of the touched blocks exist side by side until the new ones are complete.
 Status ImplicitModel::Impl::CheckMemory(std::size_t num_touched,
                                         std::size_t new_sample_bytes) const {
-  const double needed = static_cast<double>((blocks.size() + num_touched) * kBytesPerBlock +
-                                            SampleBytes() + new_sample_bytes) /
-                        kBytesPerGb;
+  const double needed =
+      static_cast<double>((blocks.size() + num_touched) * internal::kBytesPerBlock + SampleBytes() +
+                          new_sample_bytes) /
+      kBytesPerGb;
   if (needed <= config.max_memory_gb) return {};
   // The number of blocks of a surface grows with the inverse square of the voxel size.
   const double proposal = config.voxel_m * std::sqrt(needed / config.max_memory_gb) * 1.1;
@@ -89,11 +47,11 @@ Status ImplicitModel::Impl::CheckMemory(std::size_t num_touched,
       config.voxel_m, needed, num_touched, config.max_memory_gb, proposal);
 }
 
-Result<std::vector<RebuiltBlock>> ImplicitModel::Impl::Rebuild(
+Result<std::vector<internal::RebuiltBlock>> ImplicitModel::Impl::Rebuild(
     const std::vector<BlockKey>& touched, const std::vector<const ViewSamples*>& sources,
     const Progress& progress) const {
   const internal::FieldSettings settings = Settings();
-  std::vector<RebuiltBlock> rebuilt(touched.size());
+  std::vector<internal::RebuiltBlock> rebuilt(touched.size());
   // In batches, so that progress is reported and cancelling answered from the calling thread.
   constexpr int kBatch = 512;
   constexpr int kGrain = 4;
@@ -169,9 +127,9 @@ void ImplicitModel::Impl::Blend(const std::vector<BlockKey>& changed) {
   });
 }
 
-void ImplicitModel::Impl::Commit(std::vector<RebuiltBlock> rebuilt) {
+void ImplicitModel::Impl::Commit(std::vector<internal::RebuiltBlock> rebuilt) {
   std::vector<BlockKey> changed;
-  for (RebuiltBlock& block : rebuilt) {
+  for (internal::RebuiltBlock& block : rebuilt) {
     changed.push_back(block.key);
     if (block.field == nullptr) {
       blocks.erase(block.key);
@@ -224,8 +182,6 @@ Status ImplicitModel::AddViews(const std::vector<View>& views, const Progress& p
 
 Status ImplicitModel::AddSpan(const View* views, std::size_t count, const Progress& progress) {
   std::map<int, ViewSamples> added;
-  std::vector<const ViewSamples*> changed;
-  std::size_t new_bytes = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const View& view = views[i];
     if (impl_->views.count(view.id) != 0 || added.count(view.id) != 0) {
@@ -236,22 +192,48 @@ Status ImplicitModel::AddSpan(const View* views, std::size_t count, const Progre
     }
     Result<ViewSamples> samples = internal::MakeViewSamples(view, impl_->config);
     if (!samples) return Forward(samples);
-    new_bytes += samples->MemoryBytes();
-    changed.push_back(&added.emplace(view.id, std::move(*samples)).first->second);
+    added.emplace(view.id, std::move(*samples));
+  }
+  return AddSamples(std::move(added), progress);
+}
+
+Status ImplicitModel::AddSamples(std::map<int, ViewSamples> added, const Progress& progress) {
+  std::map<int, const ViewSamples*> sources;
+  std::vector<const ViewSamples*> changed;
+  std::size_t new_bytes = 0;
+  for (const auto& [id, view] : impl_->views) sources[id] = &view;
+  for (const auto& [id, view] : added) {
+    sources[id] = &view;
+    changed.push_back(&view);
+    new_bytes += view.MemoryBytes();
   }
   const std::vector<BlockKey> touched = impl_->Affected(changed);
   if (Status status = impl_->CheckMemory(touched.size(), new_bytes); !status) return status;
-
-  std::map<int, const ViewSamples*> sources;
-  for (const auto& [id, view] : impl_->views) sources[id] = &view;
-  for (const auto& [id, view] : added) sources[id] = &view;
   std::vector<const ViewSamples*> in_id_order;
   for (const auto& [id, view] : sources) in_id_order.push_back(view);
-  Result<std::vector<RebuiltBlock>> rebuilt = impl_->Rebuild(touched, in_id_order, progress);
+  Result<std::vector<internal::RebuiltBlock>> rebuilt =
+      impl_->Rebuild(touched, in_id_order, progress);
   if (!rebuilt) return Forward(rebuilt);
   impl_->views.merge(added);
   impl_->Commit(std::move(*rebuilt));
   return {};
+}
+
+Result<ImplicitModel> ImplicitModel::FromSamples(const FusionConfig& config,
+                                                 std::vector<ViewSamples> views,
+                                                 const Progress& progress) {
+  Result<ImplicitModel> model = Create(config);
+  if (!model) return model;
+  std::map<int, ViewSamples> by_id;
+  for (ViewSamples& view : views) {
+    const int id = view.id;
+    if (!by_id.emplace(id, std::move(view)).second) return Fail("view {} is there twice", id);
+  }
+  if (by_id.empty()) return model;
+  if (Status status = model->AddSamples(std::move(by_id), progress); !status) {
+    return tl::unexpected(status.error());
+  }
+  return model;
 }
 
 Status ImplicitModel::RemoveView(int view_id) {
@@ -262,7 +244,8 @@ Status ImplicitModel::RemoveView(int view_id) {
   for (const auto& [id, view] : impl_->views) {
     if (id != view_id) remaining.push_back(&view);
   }
-  Result<std::vector<RebuiltBlock>> rebuilt = impl_->Rebuild(touched, remaining, NoProgress);
+  Result<std::vector<internal::RebuiltBlock>> rebuilt =
+      impl_->Rebuild(touched, remaining, NoProgress);
   if (!rebuilt) return Forward(rebuilt);
   impl_->views.erase(found);
   impl_->Commit(std::move(*rebuilt));
@@ -275,11 +258,12 @@ std::vector<int> ImplicitModel::ViewIds() const {
   return ids;
 }
 
+const ImplicitModel::Impl& ImplicitModel::impl() const { return *impl_; }
 const FusionConfig& ImplicitModel::config() const { return impl_->config; }
 std::size_t ImplicitModel::NumBlocks() const { return impl_->blocks.size(); }
 
 std::size_t ImplicitModel::MemoryBytes() const {
-  return impl_->blocks.size() * kBytesPerBlock + impl_->SampleBytes();
+  return impl_->blocks.size() * internal::kBytesPerBlock + impl_->SampleBytes();
 }
 
 std::vector<ImplicitModel::BlockIndex> ImplicitModel::Blocks() const {

@@ -59,6 +59,7 @@ double NoiseVariance(const RangeImage& range, std::size_t i, double min_sigma_m)
 std::optional<PlacedSample> MakeSample(const Preparation& preparation, std::size_t i) {
   const RangeImage& range = preparation.view.range;
   if (!range.points[i].allFinite() || !range.normals[i].allFinite()) return std::nullopt;
+  if (!(preparation.taper[i] > 0.0F)) return std::nullopt;
   const double noise = NoiseVariance(range, i, preparation.min_sigma_m);
   if (!(noise > 0.0)) return std::nullopt;
   const Eigen::Vector3d point_camera = range.points[i].cast<double>();

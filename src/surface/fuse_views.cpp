@@ -56,6 +56,7 @@ Result<FusedSurface> FuseViews(const std::vector<View>& views, const FusionConfi
   figures.integrate_s = SecondsSince(start);
   figures.num_blocks = model->NumBlocks();
   figures.memory_bytes = model->MemoryBytes();
+  figures.views = CompareViews(*model);
 
   const auto extract_start = std::chrono::steady_clock::now();
   Result<Mesh> mesh = ExtractMesh(*model, surface, progress);

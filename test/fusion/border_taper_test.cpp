@@ -53,6 +53,19 @@ TEST(BorderTaper, FadesAroundAHole) {
   EXPECT_FLOAT_EQ(taper(27, 15), 1.0F);
 }
 
+TEST(BorderTaper, DropsSpikesAndFadesNothingForThem) {
+  RangeImage range = Stairs(40, 30, 40, 0.0F);
+  range.points(20, 15).z() += 0.01F;
+  for (const double taper_px : {0.0, 5.0}) {
+    const Image<float> taper = internal::BorderTaper(range, taper_px, 1e-3);
+    EXPECT_EQ(taper(20, 15), 0.0F);
+    EXPECT_FLOAT_EQ(taper(21, 15), 1.0F);
+  }
+  // A rib of one pixel stays.
+  for (int y = 0; y < 30; ++y) range.points(20, y).z() = 0.31F;
+  EXPECT_GT(internal::BorderTaper(range, 5.0, 1e-3)(20, 15), 0.0F);
+}
+
 TEST(BorderTaper, IsOneWhenSwitchedOffOrWithoutStructure) {
   EXPECT_FLOAT_EQ(internal::BorderTaper(Stairs(40, 30, 40, 0.0F), 0.0, 1e-3)(0, 0), 1.0F);
   EXPECT_FLOAT_EQ(internal::BorderTaper(Stairs(40, 1, 40, 0.0F), 5.0, 1e-3)(0, 0), 1.0F);

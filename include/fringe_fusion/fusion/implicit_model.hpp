@@ -50,6 +50,10 @@ struct FusionConfig {
   }
 };
 
+namespace internal {
+struct ViewSamples;
+}
+
 /// The field at one point.
 struct FieldSample {
   bool supported = false;  ///< false: nothing was measured near the point; the rest is NaN
@@ -105,6 +109,10 @@ class ImplicitModel {
   /// The field at any point of the object frame (trilinear between voxels).
   [[nodiscard]] FieldSample Query(const Eigen::Vector3d& point_object) const;
 
+  /// Ids of the views that measured the surface at a point, ascending; empty where Query is not
+  /// supported.
+  [[nodiscard]] std::vector<int> SupportingViews(const Eigen::Vector3d& point_object) const;
+
   // Voxel access for surface extraction. Voxel (i, j, k) lies at voxel_m * (i, j, k).
   using BlockIndex = std::array<int, 3>;
   static constexpr int kBlockSize = 8;
@@ -118,10 +126,17 @@ class ImplicitModel {
   /// where not supported.
   [[nodiscard]] PaddedDistances DistancesOf(const BlockIndex& block) const;
 
- private:
   struct Impl;
+  /// For the other files of the fusion stage.
+  [[nodiscard]] const Impl& impl() const;
+  [[nodiscard]] static Result<ImplicitModel> FromSamples(const FusionConfig& config,
+                                                         std::vector<internal::ViewSamples> views,
+                                                         const Progress& progress);
+
+ private:
   explicit ImplicitModel(std::unique_ptr<Impl> impl);
   Status AddSpan(const View* views, std::size_t count, const Progress& progress);
+  Status AddSamples(std::map<int, internal::ViewSamples> added, const Progress& progress);
   std::unique_ptr<Impl> impl_;
 };
 

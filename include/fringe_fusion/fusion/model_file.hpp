@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+
+#include "fringe_fusion/common/progress.hpp"
+#include "fringe_fusion/fusion/implicit_model.hpp"
+
+namespace fringe_fusion {
+
+/// Writes a model as an OpenVDB file. Any reader of .vdb finds the grids `distance` [m] and `sigma`
+/// [m] over the supported voxels, in metres of `object`. The settings and the samples of each view
+/// travel in the file's metadata, so that a model that was read back takes and gives views as
+/// before. The file appears whole or not at all.
+/// @return error naming the path and the cause, e.g. "No space left on device".
+[[nodiscard]] Status SaveModel(const ImplicitModel& model, const std::string& path);
+
+/// Reads a model that SaveModel wrote; the same bytes in every voxel.
+/// @return error naming the path when the file is missing, cut off, of another kind, or damaged.
+[[nodiscard]] Result<ImplicitModel> LoadModel(const std::string& path,
+                                              const Progress& progress = NoProgress);
+
+}  // namespace fringe_fusion
