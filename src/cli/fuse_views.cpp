@@ -7,6 +7,21 @@
 namespace fringe_fusion::cli {
 namespace {
 
+std::vector<Json> AgreementFigures(const std::vector<ViewAgreement>& views) {
+  std::vector<Json> figures;
+  for (const ViewAgreement& view : views) {
+    Json figure;
+    figure.Set("view", view.view_id)
+        .Set("num_points", view.num_points)
+        .Set("offset_m", view.offset_m)
+        .Set("ratio", view.ratio)
+        .Set("shift_m", view.shift_m.norm())
+        .Set("displaced", view.displaced);
+    figures.push_back(std::move(figure));
+  }
+  return figures;
+}
+
 Json FusionStageFigures(const FusionFigures& figures, double voxel_m) {
   return Json()
       .Set("num_views", figures.num_views)
@@ -18,6 +33,7 @@ Json FusionStageFigures(const FusionFigures& figures, double voxel_m) {
       .Set("voxel_m", voxel_m)
       .Set("num_blocks", figures.num_blocks)
       .Set("memory_bytes", figures.memory_bytes)
+      .Set("views", AgreementFigures(figures.views))
       .Set("integrate_s", figures.integrate_s)
       .Set("extract_s", figures.extract_s);
 }
