@@ -1,10 +1,13 @@
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "bench/bench_scene.hpp"
+#include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
 
 namespace fringe_fusion {
@@ -50,6 +53,31 @@ void Sizes(benchmark::internal::Benchmark* bench) {
 // White, black and 4 steps of 1, 8 and 64 fringes on both axes: 26 frames.
 void BM_DecodePhaseSteps(benchmark::State& state) { Decode(state, false, "1,8,64"); }
 BENCHMARK(BM_DecodePhaseSteps)->Apply(Sizes);
+
+// The same frames copied by the same number of threads: the yardstick of BM_DecodePhaseSteps.
+void BM_CopyFrames(benchmark::State& state) {
+  const ImageStack stack = MakeStack(state, false, "1,8,64");
+  std::vector<CapturedFrame> copies = stack.frames;
+  const int num_frames = static_cast<int>(stack.frames.size());
+  const int height = static_cast<int>(state.range(1));
+  constexpr int kRowsPerChunk = 64;
+  const int num_chunks = (height + kRowsPerChunk - 1) / kRowsPerChunk;
+  for (auto _ : state) {
+    ParallelFor(num_frames * num_chunks, 1, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) {
+        const auto frame = static_cast<std::size_t>(i / num_chunks);
+        const int first = (i % num_chunks) * kRowsPerChunk;
+        const int rows = std::min(kRowsPerChunk, height - first);
+        const auto& from = std::get<Image<std::uint8_t>>(stack.frames[frame].pixels);
+        auto& to = std::get<Image<std::uint8_t>>(copies[frame].pixels);
+        const auto count = static_cast<std::ptrdiff_t>(rows) * from.width();
+        std::copy_n(from.row(first), count, to.row(first));
+      }
+    });
+    benchmark::ClobberMemory();
+  }
+}
+BENCHMARK(BM_CopyFrames)->Apply(Sizes);
 
 // Gray code with inverses on both axes, one pixel per projector cell.
 void BM_DecodeGrayCode(benchmark::State& state) { Decode(state, true, ""); }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <utility>
 
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
@@ -236,6 +237,26 @@ TEST(DecodePhase, RefinedGrayCodeKeepsItsPromise) {
                 one_per_cell ? num_cells * 9 / 10 : scene.width * scene.height - 1);
     }
     EXPECT_EQ(Count(*map, MaskReason::kMerged) > 0, one_per_cell);
+  }
+}
+
+// At these slopes the window takes out very different shares of the rounding.
+TEST(DecodePhase, SigmaOfTheLocalFitFollowsTheSlope) {
+  PhaseConfig config;
+  config.gray_one_per_cell = false;
+  for (const auto& [along, across] :
+       {std::pair<double, double>{0.5, 0.1}, {0.45, 0.25}, {0.35, 0.03}, {0.61, 0.0}}) {
+    SyntheticScene scene;
+    scene.width = 120;
+    scene.height = 90;
+    const double slope_x = along;
+    const double slope_y = across;
+    scene.u = [=](int x, int y) { return 20.3 + slope_x * x + slope_y * y; };
+    const auto map = DecodePhase(Synthesize(MakeTestSequence(true, "", 4), scene), config);
+    ASSERT_TRUE(map.has_value()) << map.error().message;
+    const double ratio = Compare(map->u, map->sigma_u, scene.u).rms_normalized;
+    EXPECT_GT(ratio, 0.7) << along;
+    EXPECT_LT(ratio, 1.3) << along;
   }
 }
 
