@@ -25,6 +25,7 @@ void BM_AddView(benchmark::State& state) {
 }
 BENCHMARK(BM_AddView)
     ->Args({640, 480, 1000})
+    ->Args({1280, 1024, 2000})
     ->Args({1280, 1024, 1000})
     ->Args({2448, 2048, 1000})
     ->Args({640, 480, 500})

@@ -38,7 +38,7 @@ Image<std::uint8_t> FindSpikes(const RangeImage& range, double step_m) {
       for (int x = 0; x < range.width; ++x) {
         if (!IsValid(range, x, y)) continue;
         int num_confirmed = 0;
-        for (int i = 0; i < 9; ++i) {
+        for (int i = 0; i < 9 && num_confirmed < 2; ++i) {
           const int nx = x + i % 3 - 1;
           const int ny = y + i / 3 - 1;
           if (i == 4 || !range.points.Contains(nx, ny) || !IsValid(range, nx, ny)) continue;
