@@ -1,0 +1,86 @@
+#include "fringe_fusion/pose/view_pose.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <limits>
+
+#include "test/pose/epipolar_scene.hpp"
+
+namespace fringe_fusion {
+namespace {
+
+const CameraModel kProjector{1280, 800, 1900.0, 1900.0, 639.5, 399.5, {-0.05, 0.02, 0.0, 0.0, 0.0}};
+
+std::vector<LitPoint> Lit(const Transform& T_projector_rig, int grid, unsigned seed) {
+  std::mt19937 engine(seed);
+  std::normal_distribution<double> unit;
+  const auto depth = testing::Relief(0.035);
+  constexpr double kSigmaPx = 0.1;
+  constexpr double kSigmaM = 2e-5;
+  std::vector<LitPoint> points;
+  for (int y = 0; y < grid; ++y) {
+    for (int x = 0; x < grid; ++x) {
+      const Eigen::Vector2d ray(0.36 * ((x + 0.5) / grid - 0.5), 0.3 * ((y + 0.5) / grid - 0.5));
+      const Eigen::Vector3d point = depth(ray) * ray.homogeneous();
+      LitPoint lit;
+      lit.projector_px = Project(kProjector, T_projector_rig * point) +
+                         kSigmaPx * Eigen::Vector2d(unit(engine), unit(engine));
+      lit.covariance_px2 = kSigmaPx * kSigmaPx * Eigen::Matrix2d::Identity();
+      lit.point_rig = point + kSigmaM * Eigen::Vector3d(unit(engine), unit(engine), unit(engine));
+      lit.covariance_m2 = kSigmaM * kSigmaM * Eigen::Matrix3d::Identity();
+      points.push_back(lit);
+    }
+  }
+  return points;
+}
+
+Transform FarProjector() {
+  return testing::LookFrom({-0.35, 0.1, -0.2}, {0.0, 0.0, 0.7}, {0.02, 0.0, 0.1});
+}
+
+TEST(EstimateViewPose, StatesItsErrorTruly) {
+  const Transform truth = FarProjector();
+  double nees = 0.0;
+  constexpr int kRuns = 40;
+  for (int run = 0; run < kRuns; ++run) {
+    const auto pose =
+        EstimateViewPose(Lit(truth, 16, 100U + static_cast<unsigned>(run)), kProjector, {});
+    ASSERT_TRUE(pose) << pose.error().message;
+    const Vector6d error = Log(pose->T_projector_rig.inverse() * truth);
+    nees += error.dot(pose->covariance.ldlt().solve(error)) / 6.0 / kRuns;
+  }
+  // 240 degrees of freedom: standard error 0.09.
+  EXPECT_GT(nees, 0.73);
+  EXPECT_LT(nees, 1.27);
+}
+
+// science 3.6: 2500 points, 0.1 px, 950 mm: rotation 0.0037 deg, translation 0.008 mm.
+TEST(EstimateViewPose, SurvivesOutliers) {
+  auto points = Lit(FarProjector(), 30, 7);
+  for (std::size_t i = 0; i < points.size(); i += 5) points[i].projector_px.x() += 60.0;
+  const auto pose = EstimateViewPose(points, kProjector, {});
+  ASSERT_TRUE(pose) << pose.error().message;
+  const Vector6d error = Log(pose->T_projector_rig.inverse() * FarProjector());
+  EXPECT_LT(error.dot(pose->covariance.ldlt().solve(error)), 30.0);
+  EXPECT_NEAR(static_cast<double>(pose->num_inliers) / pose->num_points, 0.8, 0.02);
+}
+
+TEST(EstimateViewPose, RefusalsNameTheCause) {
+  auto points = Lit(FarProjector(), 16, 7);
+  EXPECT_FALSE(EstimateViewPose({points.begin(), points.begin() + 10}, kProjector, {}));
+  auto bad = points;
+  bad[3].point_rig.z() = std::numeric_limits<double>::quiet_NaN();
+  const auto nan = EstimateViewPose(bad, kProjector, {});
+  ASSERT_FALSE(nan);
+  EXPECT_NE(nan.error().message.find("point 3"), std::string::npos);
+  std::mt19937 engine(2);
+  for (LitPoint& point : points) {
+    point.projector_px = {static_cast<double>(engine() % 1280),
+                          static_cast<double>(engine() % 800)};
+  }
+  EXPECT_FALSE(EstimateViewPose(points, kProjector, {}));
+}
+
+}  // namespace
+}  // namespace fringe_fusion
