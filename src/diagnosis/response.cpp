@@ -248,36 +248,4 @@ Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width, in
   return picture;
 }
 
-PhaseMap CorrectResponse(PhaseMap map, const PatternSequence& sequence,
-                         const ResponseCurve& response) {
-  const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(sequence);
-  for (const Axis axis : {Axis::kU, Axis::kV}) {
-    Image<float>& coordinate = axis == Axis::kU ? map.u : map.v;
-    std::vector<const diagnosis::StepSet*> sets;
-    std::vector<PhaseLut> luts;
-    double total = 0.0;
-    for (const diagnosis::StepSet& set : plan.sets) {
-      if (set.axis != axis) continue;
-      sets.push_back(&set);
-      luts.push_back(MakePhaseLut(response, static_cast<int>(set.frame_of_step.size())));
-      total += set.fringes * set.fringes * static_cast<double>(set.frame_of_step.size());
-    }
-    for (float& value : coordinate) {
-      double correction_px = 0.0;
-      for (std::size_t s = 0; s < sets.size(); ++s) {
-        const diagnosis::StepSet& set = *sets[s];
-        const double rad_per_px = 2.0 * kPi * set.fringes / set.size_px;
-        const double phase =
-            set.sign * (rad_per_px * (static_cast<double>(value) + 0.5) + set.offset_rad);
-        const double error = std::remainder(phase - CorrectPhase(luts[s], phase), 2.0 * kPi);
-        const double weight =
-            set.fringes * set.fringes * static_cast<double>(set.frame_of_step.size()) / total;
-        correction_px += weight * set.sign * error / rad_per_px;
-      }
-      value -= static_cast<float>(correction_px);
-    }
-  }
-  return map;
-}
-
 }  // namespace fringe_fusion

@@ -183,34 +183,6 @@ TEST(Response, ChoosesTheLeastStepsWhoseRippleIsBelowTheNoise) {
   EXPECT_FALSE(ChooseSteps(PowerResponse(2.2), std::nan(""), 16));
 }
 
-TEST(Response, DecodedMapIsCorrectedAfterCapture) {
-  sim::SimCell cell = PlaneCell(2.2);
-  const PatternSequence sequence = test::MakePatterns(cell.calibration(), "1,7", 4);
-  const ImageStack stack = test::Capture(cell, sequence);
-  const auto response = RampResponse(cell);
-  ASSERT_TRUE(response);
-  PhaseConfig config;
-  config.read_noise_dn = 16.0;
-  const auto map = DecodePhase(stack, config);
-  ASSERT_TRUE(map) << map.error().message;
-  const sim::ViewTruth truth = cell.Truth();
-  const auto rms = [&](const PhaseMap& decoded) {
-    double squares = 0.0;
-    double count = 0.0;
-    for (std::size_t i = 0; i < decoded.u.size(); ++i) {
-      if (!std::isfinite(decoded.u[i])) continue;
-      squares += std::pow(static_cast<double>(decoded.u[i] - truth.u[i]), 2);
-      count += 1.0;
-    }
-    EXPECT_GT(count, 5000);
-    return std::sqrt(squares / count);
-  };
-  const double before = rms(*map);
-  const double after = rms(CorrectResponse(*map, sequence, *response));
-  EXPECT_GT(before, 0.04);
-  EXPECT_LT(after, 0.35 * before);
-}
-
 TEST(Response, InverseTableUndoesTheCurve) {
   const ResponseCurve response = PowerResponse(2.2);
   const auto lut = InverseLut(response);

@@ -65,12 +65,6 @@ struct PhaseLut {
 [[nodiscard]] Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width,
                                                          int height, const ResponseCurve& response);
 
-/// Undoes after capture what the response did to decoded coordinates: every set's phase error,
-/// weighted as the sets were fused (inverse variance, f^2 N).
-/// @param map decoded from `sequence` without correction.
-[[nodiscard]] PhaseMap CorrectResponse(PhaseMap map, const PatternSequence& sequence,
-                                       const ResponseCurve& response);
-
 /// One N-step set of a plane whose phase is known otherwise, e.g. from a Gray code.
 struct GammaSet {
   std::vector<CapturedFrame> frames;  ///< step n in frames[n]
