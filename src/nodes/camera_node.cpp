@@ -16,6 +16,9 @@ namespace {
 Result<std::unique_ptr<Camera>> MakeCamera(const std::string& backend, const CameraModel& model,
                                            const ros::NodeHandle& nh,
                                            const ros::NodeHandle& private_nh) {
+  ros_io::DeclareConfig<SimCameraConfig>(ros::NodeHandle(private_nh, "sim"));
+  ros_io::DeclareConfig<ReplayCameraConfig>(ros::NodeHandle(private_nh, "replay"));
+  ros_io::DeclareConfig<AravisCameraConfig>(ros::NodeHandle(private_nh, "aravis"));
   const ros::NodeHandle backend_nh(private_nh, backend);
   if (backend == "sim") {
     const auto config = ros_io::LoadConfig<SimCameraConfig>(backend_nh);
@@ -77,8 +80,8 @@ CameraNode::CameraNode(const ros::NodeHandle& nh, const ros::NodeHandle& private
   settings_server_->setCallback(
       [this](const CameraConfig& settings, std::uint32_t /*level*/) { OnSettings(settings); });
   capture_ = handle.advertiseService("capture", &CameraNode::OnCapture, this);
-  ROS_INFO("%s ready for %d x %d px", camera_->Id().c_str(), calibration_.camera.width,
-           calibration_.camera.height);
+  ROS_INFO("%s for %d x %d px, opened with the first picture", camera_->Id().c_str(),
+           calibration_.camera.width, calibration_.camera.height);
 }
 
 bool CameraNode::OnCapture(Capture::Request& request, Capture::Response& response) {

@@ -103,7 +103,11 @@ void CellNode::Execute(const ScanObjectGoal& goal) {
     scan_client_.cancelAllGoals();
     result.success = 0;
     result.message = run.error().message;
-    if (Cancelled()) {
+    if (server_.isNewGoalAvailable()) {
+      result.message = "another goal has taken the place of this scan; its frames are on disk";
+      ROS_WARN("%s: %s", goal.output_folder.c_str(), result.message.c_str());
+      server_.setPreempted(result, result.message);
+    } else if (Cancelled()) {
       ROS_INFO("scan cancelled; the frames taken so far are in %s", goal.output_folder.c_str());
       server_.setPreempted(result, result.message);
     } else {
@@ -181,6 +185,7 @@ Result<CellNode::Run> CellNode::Prepare(const ScanObjectGoal& goal) {
   if (Status status = WriteJob(run.job, run.folder); !status) {
     return tl::unexpected<Error>(status.error());
   }
+  tracker_.Begin(run.job.scan_id);
   Feedback(run, "waiting for the nodes", 0.0);
   if (Status status = ResetStages(); !status) return tl::unexpected<Error>(status.error());
   tracker_.Begin(run.job.scan_id);

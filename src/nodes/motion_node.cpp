@@ -37,6 +37,8 @@ Result<Axes> LoadAxes(const ros::NodeHandle& nh) {
 
 Result<std::unique_ptr<Motion>> MakeMotion(const std::string& backend, const Axes& axes,
                                            const ros::NodeHandle& private_nh) {
+  ros_io::DeclareConfig<SimMotionConfig>(ros::NodeHandle(private_nh, "sim"));
+  ros_io::DeclareConfig<ReplayMotionConfig>(ros::NodeHandle(private_nh, "replay"));
   const ros::NodeHandle backend_nh(private_nh, backend);
   if (backend == "sim") {
     const auto config = ros_io::LoadConfig<SimMotionConfig>(backend_nh);

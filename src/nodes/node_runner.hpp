@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/ros_io/known_parameters.hpp"
 
 namespace fringe_fusion::nodes {
 
@@ -21,7 +22,7 @@ class NodeRunner {
   static constexpr int kNumThreads = 4;
 
   /// Creates the node by `Node::Create(nh, private_nh)` and starts its callbacks.
-  /// @return the error of Create, e.g. a missing parameter.
+  /// @return the error of Create, e.g. a missing parameter, or one naming an unknown parameter.
   [[nodiscard]] static Result<std::unique_ptr<NodeRunner>> Start(ros::NodeHandle nh,
                                                                  ros::NodeHandle private_nh) {
     std::unique_ptr<NodeRunner> runner(new NodeRunner);
@@ -29,6 +30,9 @@ class NodeRunner {
     private_nh.setCallbackQueue(&runner->queue_);
     Result<std::unique_ptr<Node>> node = Node::Create(nh, private_nh);
     if (!node) return Forward(node);
+    if (Status status = ros_io::CheckNoUnknownParameter(private_nh); !status) {
+      return tl::unexpected<Error>(status.error());
+    }
     runner->node_ = std::move(*node);
     runner->spinner_ = std::make_unique<ros::AsyncSpinner>(kNumThreads, &runner->queue_);
     runner->spinner_->start();

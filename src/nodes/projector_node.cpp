@@ -19,6 +19,8 @@ Result<std::unique_ptr<Projector>> MakeProjector(const ProjectorNodeConfig& conf
                                                  const CameraModel& model,
                                                  const ros::NodeHandle& nh,
                                                  const ros::NodeHandle& private_nh) {
+  ros_io::DeclareConfig<SimProjectorConfig>(ros::NodeHandle(private_nh, "sim"));
+  ros_io::DeclareConfig<ReplayProjectorConfig>(ros::NodeHandle(private_nh, "replay"));
   const ros::NodeHandle backend_nh(private_nh, config.backend);
   if (config.backend == "sim") {
     const auto sim = ros_io::LoadConfig<SimProjectorConfig>(backend_nh);

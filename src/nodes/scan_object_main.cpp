@@ -1,5 +1,6 @@
 // Starts the action scan_object from the command line, shows its progress and waits for its end.
 #include <actionlib/client/simple_action_client.h>
+#include <actionlib_msgs/GoalStatusArray.h>
 #include <fringe_fusion/ScanObjectAction.h>
 #include <ros/ros.h>
 
@@ -37,6 +38,21 @@ void Cancel(Client& client) {
   }
 }
 
+// Id of the goal that the cell works on; empty if it is free. A new goal would end that scan.
+std::string RunningGoal() {
+  const auto status = ros::topic::waitForMessage<actionlib_msgs::GoalStatusArray>(
+      "scan_object/status", ros::Duration(2.0));
+  if (!status) return "";
+  for (const actionlib_msgs::GoalStatus& goal : status->status_list) {
+    if (goal.status == actionlib_msgs::GoalStatus::ACTIVE ||
+        goal.status == actionlib_msgs::GoalStatus::PENDING ||
+        goal.status == actionlib_msgs::GoalStatus::PREEMPTING) {
+      return goal.goal_id.id;
+    }
+  }
+  return "";
+}
+
 int Run(const ScanObjectGoal& goal, double wait_s) {
   Client client("scan_object", /*spin_thread=*/true);
   for (double waited_s = 0.0; !client.isServerConnected(); waited_s += 0.1) {
@@ -48,6 +64,11 @@ int Run(const ScanObjectGoal& goal, double wait_s) {
       return 1;
     }
     ros::WallDuration(0.1).sleep();
+  }
+  if (const std::string running = RunningGoal(); !running.empty()) {
+    std::fprintf(stderr, "scan_object: the cell is busy with goal %s: wait, or cancel it first\n",
+                 running.c_str());
+    return 1;
   }
   client.sendGoal(goal, Client::SimpleDoneCallback(), Client::SimpleActiveCallback(),
                   &ShowFeedback);
@@ -91,12 +112,21 @@ int main(int argc, char** argv) {
   bool resume = false;
   double wait_s = 30.0;
   app.add_option("num_views", num_views, "number of views; 0: as the cell is configured")
-      ->required();
+      ->required()
+      ->check(CLI::Range(0, 100000));
   app.add_option("output_folder", output_folder, "folder for mesh, frames and figures")->required();
   app.add_option("--id", scan_id, "name of the scan; default: made from the time");
   app.add_flag("--resume", resume, "continue the interrupted scan in the output folder");
   app.add_option("--wait", wait_s, "wait for the cell [s]");
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    std::printf("%s", app.help().c_str());
+    return 0;
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "scan_object: %s\n", error.what());
+    return 2;
+  }
   std::signal(SIGINT, OnInterrupt);
   std::signal(SIGTERM, OnInterrupt);
   if (!ros::master::check()) {

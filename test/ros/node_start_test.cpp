@@ -3,6 +3,7 @@
 #include <ros/ros.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <sstream>
@@ -102,6 +103,20 @@ TEST(Parameters, AreRefusedWithNameValueAndLimit) {
   SetMotionParameters();
   ros::param::set("motion_node/initial_positions", std::vector<double>{0.0});
   ExpectRefusal("/motion_node/initial_positions has 1 values, must have one per joint, 2");
+  ros::param::del("motion_node");
+}
+
+TEST(Parameters, AMisspeltOneIsNamed) {
+  SetMotionParameters();
+  ros::param::set("motion_node/replay/scan", "");  // Of the backend that is not chosen: known.
+  ros::param::set("motion_node/sim/settel_s", 0.1);
+  const Outcome outcome = RunNode("motion_node");
+  EXPECT_EQ(outcome.exit_status, 1);
+  const auto says = [](const std::string& line) {
+    return line.find("parameter /motion_node/sim/settel_s is unknown") != std::string::npos;
+  };
+  EXPECT_EQ(std::count_if(outcome.lines.begin(), outcome.lines.end(), says), 1)
+      << ::testing::PrintToString(outcome.lines);
   ros::param::del("motion_node");
 }
 

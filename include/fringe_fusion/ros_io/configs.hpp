@@ -9,6 +9,7 @@
 
 #include "fringe_fusion/common/config.hpp"
 #include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/ros_io/known_parameters.hpp"
 
 namespace fringe_fusion::ros_io {
 
@@ -41,6 +42,7 @@ class ParameterReader {
  private:
   template <typename T>
   void Read(const char* name, T& value) {
+    DeclareParameter(nh_.resolveName(name));
     if (!status_) return;
     if (!nh_.hasParam(name)) {
       status_ = Fail("required parameter {} is missing", nh_.resolveName(name));
@@ -66,6 +68,15 @@ template <typename Config>
     return tl::unexpected<Error>(status.error());
   }
   return config;
+}
+
+/// Makes known the parameters of a Config that is not read now, e.g. of a backend not chosen.
+template <typename Config>
+void DeclareConfig(const ros::NodeHandle& nh) {
+  Config config;
+  config.Visit([&nh](const char* name, auto&&... /*value_and_bounds*/) {
+    DeclareParameter(nh.resolveName(name));
+  });
 }
 
 /// One required parameter of a node. @return error naming it.
