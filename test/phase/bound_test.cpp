@@ -1,5 +1,4 @@
-// Small Monte Carlo of accuracy, consistency and fringe orders; bench/phase_study.cpp has the long
-// one.
+// Small Monte Carlo of accuracy, consistency and fringe orders.
 #include <gtest/gtest.h>
 
 #include <cmath>
