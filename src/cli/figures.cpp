@@ -45,11 +45,26 @@ double Median(const Image<float>& values) {
   return static_cast<double>(*middle);
 }
 
-Json PhaseFigures(int view_id, const PhaseMap& phase) {
+std::array<std::size_t, kNumMaskReasons> CountReasons(const Image<std::uint8_t>& mask) {
   std::array<std::size_t, kNumMaskReasons> counts{};
-  for (const std::uint8_t reason : phase.mask) {
+  for (const std::uint8_t reason : mask) {
     if (reason < kNumMaskReasons) ++counts[reason];
   }
+  return counts;
+}
+
+std::string ReasonCounts(const Image<std::uint8_t>& mask) {
+  const auto counts = CountReasons(mask);
+  std::vector<std::string> words;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == 0) continue;
+    words.push_back(fmt::format("{} {}", counts[i], MaskReasonName(static_cast<MaskReason>(i))));
+  }
+  return fmt::format("{}", fmt::join(words, ", "));
+}
+
+Json PhaseFigures(int view_id, const PhaseMap& phase) {
+  const auto counts = CountReasons(phase.mask);
   Json reasons;
   for (std::size_t i = 0; i < counts.size(); ++i) {
     reasons.Set(MaskReasonName(static_cast<MaskReason>(i)), counts[i]);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,12 @@ namespace fringe_fusion::cli {
 
 /// Median of the finite values, NaN if there are none.
 [[nodiscard]] double Median(const Image<float>& values);
+
+/// How many pixels of a mask have each MaskReason.
+[[nodiscard]] std::array<std::size_t, kNumMaskReasons> CountReasons(
+    const Image<std::uint8_t>& mask);
+/// The reasons that occur in words, e.g. "10 valid, 90 too dark".
+[[nodiscard]] std::string ReasonCounts(const Image<std::uint8_t>& mask);
 
 // The figures of one stage's result as --json states them.
 [[nodiscard]] Json PhaseFigures(int view_id, const PhaseMap& phase);

@@ -57,6 +57,19 @@ void Declare(CLI::App& command, InspectOptions& options) {
 
 double UnitMetres(const std::string& unit) { return unit == "mm" ? 1e-3 : 1.0; }
 
+/// A hint where the sizes of mesh and reference differ as only units do; "" elsewhere.
+std::string UnitAdvice(const InspectOptions& options, const Mesh& mesh, const Mesh& reference) {
+  constexpr double kUnlikelyRatio = 30.0;
+  const double ratio = BoxDiagonal(mesh) / BoxDiagonal(reference);
+  const bool too_small = ratio > kUnlikelyRatio;
+  const bool too_large = ratio < 1.0 / kUnlikelyRatio;
+  if (too_small && options.unit == "mm") return "; try --unit m";
+  if (too_large && options.unit == "m") return "; try --unit mm";
+  if (too_large && options.mesh_unit == "mm") return "; try --mesh-unit m";
+  if (too_small && options.mesh_unit == "m") return "; try --mesh-unit mm";
+  return "";
+}
+
 Status WriteDeviationReport(const InspectOptions& options, Mesh mesh,
                             const InspectionResult& result) {
   auto folder = StagedFolder::Create(options.report);
@@ -105,7 +118,8 @@ Status Inspect(const InspectOptions& options, Session& session) {
   session.console.Begin("compare", 1);
   const auto result = Compare(*mesh, *reference, *config, visible, session.console.Part(0));
   if (!result) {
-    return Fail("{} against {}: {}", options.mesh, options.reference, result.error().message);
+    return Fail("{} against {}: {}{}", options.mesh, options.reference, result.error().message,
+                UnitAdvice(options, *mesh, *reference));
   }
   session.console.End();
   session.figures.Set("inspection", InspectionFigures(*result));

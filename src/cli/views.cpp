@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "figures.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
 
@@ -140,6 +141,10 @@ Result<Reconstruction> ReconstructView(const ScanFolder& scan, int view_id,
   auto triangulation = Triangulate(*phase, scan.calibration, config.triangulation, half(0.5));
   if (!triangulation) {
     return Fail("{}: {}", ViewFolder(scan, view_id), triangulation.error().message);
+  }
+  if (CountValid(triangulation->range) == 0) {
+    return Fail("{}: has no valid point; pixels: {}", ViewFolder(scan, view_id),
+                ReasonCounts(triangulation->mask));
   }
   return Reconstruction{std::move(*phase), std::move(*triangulation)};
 }

@@ -27,7 +27,8 @@ struct ReconstructConfig {
 };
 [[nodiscard]] Result<ReconstructConfig> LoadReconstructConfig(const Session& session);
 
-/// Frames of one view -> phase map -> range image.
+/// Frames of one view -> phase map -> range image; a view without any point is an error that tells
+/// why its pixels were discarded.
 struct Reconstruction {
   PhaseMap phase;
   TriangulationResult triangulation;

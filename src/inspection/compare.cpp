@@ -199,6 +199,17 @@ Result<std::vector<float>> SampleDistances(const Mesh& mesh, const std::vector<s
       progress, std::string("inspect ") + owner);
 }
 
+// Statistics of no sample at all would read like a perfect fit.
+Status CheckSomeInReach(const InspectionResult& result, const Mesh& model, const Mesh& reference,
+                        double max_distance_m) {
+  if (result.model_to_reference.count > 0 && result.reference_to_model.count > 0) return {};
+  return Fail(
+      "inspection: no sample of the {} lies within max_distance_m = {:g} m of the other: the model "
+      "has a diagonal of {:.4g} m, the reference of {:.4g} m; do unit and frame agree?",
+      result.model_to_reference.count > 0 ? "reference" : "model", max_distance_m,
+      BoxDiagonal(model), BoxDiagonal(reference));
+}
+
 double CoveredRatio(const std::vector<float>& distances, double complete_distance_m) {
   std::size_t covered = 0;
   for (const float distance : distances) {
@@ -244,6 +255,9 @@ Result<InspectionResult> Compare(const Mesh& model, const Mesh& reference,
   if (!back) return Forward(back);
   result.reference_to_model = Summarize(*back);
   result.completeness_ratio = CoveredRatio(*back, config.complete_distance_m);
+  if (Status status = CheckSomeInReach(result, model, reference, config.max_distance_m); !status) {
+    return tl::unexpected<Error>(status.error());
+  }
   return result;
 }
 

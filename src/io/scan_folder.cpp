@@ -268,6 +268,11 @@ Result<ViewDescription> ReadViewDescription(const ScanFolder& scan, int view_id)
 Result<ImageStack> ReadStack(const ScanFolder& scan, int view_id) {
   const Result<ViewDescription> view = ReadViewDescription(scan, view_id);
   if (!view) return Forward(view);
+  const std::string& serial = scan.calibration.camera_serial;
+  if (!view->camera_id.empty() && !serial.empty() && view->camera_id != serial) {
+    return Fail("{}: camera_id '{}' is not the camera '{}' that {} calibrates (camera_serial)",
+                ViewYamlPath(scan, view_id), view->camera_id, serial, CellPath(scan.path));
+  }
   const fs::path folder = FrameFolder(scan, view_id, *view);
   ImageStack stack;
   stack.scan_id = view->scan_id;

@@ -52,7 +52,7 @@ bool YamlFields::Find(const char* key, bool required) {
   return false;
 }
 
-void YamlFields::RejectValue(const char* key, const char* expected) {
+void YamlFields::RejectValue(const char* key, const std::string& expected) {
   status_ = Fail("{}: {} = {} must be {}", owner_, key, Shown(node_[key]), expected);
 }
 

@@ -2,7 +2,9 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <functional>
 #include <set>
 #include <string>
@@ -51,7 +53,7 @@ class YamlFields {
 
  private:
   bool Find(const char* key, bool required);
-  void RejectValue(const char* key, const char* expected);
+  void RejectValue(const char* key, const std::string& expected);
 
   template <typename T>
   void Convert(const char* key, T& value) {
@@ -77,7 +79,13 @@ class YamlFields {
     }
   }
   template <typename T>
-  static const char* Expected(const T& /*value*/) {
+  struct FixedLength : std::integral_constant<std::size_t, 0> {};
+  template <typename T, std::size_t N>
+  struct FixedLength<std::array<T, N>> : std::integral_constant<std::size_t, N> {};
+
+  /// Words for a value of the type that is read.
+  template <typename T>
+  static std::string Expected(const T& /*value*/) {
     if constexpr (std::is_same_v<T, bool>) {
       return "true or false";
     } else if constexpr (std::is_integral_v<T>) {
@@ -87,7 +95,15 @@ class YamlFields {
     } else if constexpr (std::is_same_v<T, std::string>) {
       return "a text";
     } else {
-      return "a list of the right type and length";
+      using Item = typename T::value_type;
+      const std::string items = std::is_same_v<Item, std::string> ? "texts"
+                                : std::is_integral_v<Item>        ? "whole numbers"
+                                                                  : "numbers";
+      if constexpr (FixedLength<T>::value == 0) {
+        return "a list of " + items;
+      } else {
+        return fmt::format("a list of {} {}", FixedLength<T>::value, items);
+      }
     }
   }
 

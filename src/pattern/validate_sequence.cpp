@@ -10,10 +10,15 @@ namespace fringe_fusion {
 namespace {
 
 constexpr int kMaxBit = 20;
-constexpr double kMaxFringes = 4096.0;
+// A fringe of less needs the next one to look different, which pixels cannot [projector px].
+constexpr double kMinFringePx = 2.0;
 constexpr double kMaxExposureRatio = 1e4;
 // Phases closer than this are told apart by no real sensor [fringes].
 constexpr double kRepeatTolerance = 1e-3;
+
+int AxisSize(const PatternSequence& sequence, Axis axis) {
+  return axis == Axis::kU ? sequence.width : sequence.height;
+}
 
 const char* AxisName(Axis axis) { return axis == Axis::kU ? "u" : "v"; }
 
@@ -28,7 +33,7 @@ Status ValidateGray(const Pattern& p, const std::string& owner) {
   return {};
 }
 
-Status ValidateFringes(const Pattern& p, const std::string& owner) {
+Status ValidateFringes(const Pattern& p, int size_px, const std::string& owner) {
   const int least_steps = p.kind == PatternKind::kMicro ? 1 : 3;
   if (p.steps < least_steps) {
     return Fail("{}: steps {} must be at least {}", owner, p.steps, least_steps);
@@ -36,8 +41,10 @@ Status ValidateFringes(const Pattern& p, const std::string& owner) {
   if (p.step < 0 || p.step >= p.steps) {
     return Fail("{}: step {} is outside [0, {}]", owner, p.step, p.steps - 1);
   }
-  if (!(p.fringes > 0.0 && p.fringes <= kMaxFringes)) {
-    return Fail("{}: fringes {} is outside (0, {:g}]", owner, p.fringes, kMaxFringes);
+  const double max_fringes = size_px / kMinFringePx;
+  if (!(p.fringes > 0.0 && p.fringes <= max_fringes)) {
+    return Fail("{}: fringes {} is outside (0, {:g}]: a fringe needs {:g} of the {} px", owner,
+                p.fringes, max_fringes, kMinFringePx, size_px);
   }
   if (!(std::abs(p.phase_sign) == 1.0)) {
     return Fail("{}: phase_sign {} must be 1 or -1", owner, p.phase_sign);
@@ -64,14 +71,14 @@ Status ValidateCarrier(const Pattern& p, const std::string& owner) {
   return {};
 }
 
-Status ValidateFrame(const Pattern& p, const std::string& owner) {
+Status ValidateFrame(const Pattern& p, int size_px, const std::string& owner) {
   if (!(p.exposure_ratio > 0.0 && p.exposure_ratio <= kMaxExposureRatio)) {
     return Fail("{}: exposure_ratio {} is outside (0, {:g}]", owner, p.exposure_ratio,
                 kMaxExposureRatio);
   }
   if (p.kind == PatternKind::kGray) return ValidateGray(p, owner);
   if (p.kind == PatternKind::kPhase || p.kind == PatternKind::kMicro) {
-    if (Status status = ValidateFringes(p, owner); !status) return status;
+    if (Status status = ValidateFringes(p, size_px, owner); !status) return status;
     return ValidateCarrier(p, owner);
   }
   return {};
@@ -195,11 +202,11 @@ Status Validate(const PatternSequence& sequence, const std::string& owner) {
   for (std::size_t i = 0; i < sequence.frames.size(); ++i) {
     const Pattern& p = sequence.frames[i];
     const std::string frame = fmt::format("{}: frame {} ({})", owner, i, PatternName(p));
-    if (Status status = ValidateFrame(p, frame); !status) return status;
+    if (Status status = ValidateFrame(p, AxisSize(sequence, p.axis), frame); !status) return status;
     if (Status status = codes[p.axis].Add(p, frame); !status) return status;
   }
   for (const auto& [axis, code] : codes) {
-    const int size_px = axis == Axis::kU ? sequence.width : sequence.height;
+    const int size_px = AxisSize(sequence, axis);
     const std::string axis_owner = fmt::format("{}: axis {}", owner, AxisName(axis));
     if (Status status = CheckSetsComplete(code, axis_owner); !status) return status;
     if (Status status = CheckMicroComplete(code, axis_owner); !status) return status;

@@ -36,4 +36,11 @@ double Area(const Mesh& mesh) {
   return area;
 }
 
+double BoxDiagonal(const Mesh& mesh) {
+  if (mesh.vertices.empty()) return 0.0;
+  Eigen::AlignedBox3f box;
+  for (const Eigen::Vector3f& vertex : mesh.vertices) box.extend(vertex);
+  return static_cast<double>(box.diagonal().norm());
+}
+
 }  // namespace fringe_fusion

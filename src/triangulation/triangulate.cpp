@@ -161,6 +161,11 @@ Result<TriangulationResult> Triangulate(const PhaseMap& phase, const CellCalibra
   if (Status status = CheckBounds(config, "triangulation"); !status) {
     return tl::unexpected<Error>(status.error());
   }
+  // Negated so that NaN fails.
+  if (!(config.min_range_m < config.max_range_m)) {
+    return Fail("triangulation: min_range_m = {} must be below max_range_m = {}",
+                config.min_range_m, config.max_range_m);
+  }
   if (Status status = Validate(calibration, "triangulation"); !status) {
     return tl::unexpected<Error>(status.error());
   }

@@ -65,15 +65,15 @@ TEST_F(Commands, SimulateWritesAScanWithTruth) {
 }
 
 TEST_F(Commands, PatternsWritesPicturesAndTheirList) {
-  ExpectSuccess(RunFringe(
-      {"patterns", "--size", "64x48", "--out", Path("patterns"), "--json", Path("patterns.json")}));
+  ExpectSuccess(RunFringe({"patterns", "--size", "160x128", "--out", Path("patterns"), "--json",
+                           Path("patterns.json")}));
   EXPECT_EQ(Figure(Path("patterns.json"), "num_frames"), 26);
   const auto sequence = ReadPatterns(Path("patterns/patterns.yaml"));
   ASSERT_TRUE(sequence) << sequence.error().message;
   const auto picture = ReadGrayImage(Path("patterns/002_phase_u_f1_0of4.png"));
   ASSERT_TRUE(picture) << picture.error().message;
   const auto& pixels = std::get<Image<std::uint8_t>>(*picture);
-  const Image<std::uint8_t> expected = RenderPattern(sequence->frames[2], 64, 48, 1.0);
+  const Image<std::uint8_t> expected = RenderPattern(sequence->frames[2], 160, 128, 1.0);
   EXPECT_TRUE(std::equal(pixels.begin(), pixels.end(), expected.begin(), expected.end()));
   const Outcome outcome = RunFringe({"patterns", "--size", "64", "--out", Path("patterns")});
   EXPECT_EQ(outcome.exit_status, 1);

@@ -165,6 +165,20 @@ TEST(Compare, CanBeCancelled) {
   EXPECT_EQ(calls, 5);
 }
 
+TEST(Compare, RefusesMeshesOutOfReachOfEachOther) {
+  const Mesh metres = Plate(0.1F, 2, 0.0F);
+  Mesh millimetres = metres;
+  for (Eigen::Vector3f& vertex : millimetres.vertices) {
+    vertex = 1e-3F * vertex + Eigen::Vector3f(0, 0, 0.02F);
+  }
+  const auto result = Compare(metres, millimetres, Config(0.005, 0.0005, 0.0001));
+  ASSERT_FALSE(result);
+  for (const char* word :
+       {"no sample of the model", "max_distance_m = 0.005", "0.1414 m", "0.0001414 m", "unit"}) {
+    EXPECT_NE(result.error().message.find(word), std::string::npos) << result.error().message;
+  }
+}
+
 TEST(Compare, NamesWhatIsWrongWithItsInput) {
   const Mesh good = Plate(0.1F, 2, 0.0F);
   const auto message = [&](const Mesh& model, const Mesh& reference, const InspectionConfig& config,

@@ -37,7 +37,7 @@ inline ImageStack NoiseStack(const CellCalibration& calibration, const PatternSe
                              int bit_depth, int view_id) {
   ImageStack stack;
   stack.scan_id = "shell 1";
-  stack.camera_id = "cam0";
+  stack.camera_id = "cam: \"7\"";
   stack.view_id = view_id;
   stack.sequence = sequence;
   unsigned state = 12345;

@@ -106,6 +106,24 @@ TEST_F(ScanFolderTest, StacksSurviveARoundTrip) {
   }
 }
 
+TEST_F(ScanFolderTest, FramesOfAnotherCameraAreRefused) {
+  ImageStack stack = Stack(8, 3);
+  stack.camera_id = "cam8";
+  ASSERT_TRUE(WriteStack(scan_, stack, std::nullopt, {}));
+  const std::string message = MessageOf(ReadStack(scan_, 3));
+  for (const char* word : {"003/view.yaml", "'cam8'", "'cam: \"7\"'", "cell.yaml"}) {
+    EXPECT_NE(message.find(word), std::string::npos) << message << " lacks " << word;
+  }
+  // Who states no camera contradicts nobody.
+  stack.camera_id = "";
+  ASSERT_TRUE(WriteStack(scan_, stack, std::nullopt, {}));
+  EXPECT_TRUE(ReadStack(scan_, 3));
+  stack.camera_id = "cam8";
+  ASSERT_TRUE(WriteStack(scan_, stack, std::nullopt, {}));
+  scan_.calibration.camera_serial = "";
+  EXPECT_TRUE(ReadStack(scan_, 3));
+}
+
 TEST_F(ScanFolderTest, FilesAreTheSameBytesOnAnyNumberOfThreads) {
   std::string first;
   for (const int threads : {1, 3}) {

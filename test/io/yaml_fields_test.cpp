@@ -37,8 +37,7 @@ TEST(YamlFields, NamesOwnerKeyAndValueOfEveryFault) {
   EXPECT_EQ(Complaint("{n: 3, x: hello}"), "file.yaml: part: x = hello must be a number");
   EXPECT_EQ(Complaint("{n: 3, x: .nan}"), "file.yaml: part: x = .nan must be finite");
   EXPECT_EQ(Complaint("{n: 3, l: [1, .inf]}"), "file.yaml: part: l = [1, .inf] must be finite");
-  EXPECT_EQ(Complaint("{n: 3, l: [1]}"),
-            "file.yaml: part: l = [1] must be a list of the right type and length");
+  EXPECT_EQ(Complaint("{n: 3, l: [1]}"), "file.yaml: part: l = [1] must be a list of 2 numbers");
   EXPECT_EQ(Complaint("[1, 2]"), "file.yaml: part: must be a map of keys and values, not '[1, 2]'");
   EXPECT_EQ(Complaint(""), "file.yaml: part: required key 'n' is missing");
 }

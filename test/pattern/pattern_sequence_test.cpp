@@ -71,6 +71,25 @@ TEST(PatternSequence, RefusesBadSettings) {
   EXPECT_FALSE(MakeSequence(PatternConfig{}, 0, 64));
 }
 
+TEST(PatternSequence, AFringeNeedsTwoPixels) {
+  PatternConfig config;
+  config.axis_v = false;
+  config.fringes = "1,8,32";
+  EXPECT_TRUE(MakeSequence(config, 64, 48));
+  config.fringes = "1,8,33";
+  const auto made = MakeSequence(config, 64, 48);
+  ASSERT_FALSE(made);
+  EXPECT_NE(made.error().message.find("fringes 33 is outside (0, 32]: a fringe needs 2 of the 64"),
+            std::string::npos)
+      << made.error().message;
+  // The rows are fewer than the columns.
+  config.axis_v = true;
+  config.fringes = "1,8,32";
+  const auto rows = MakeSequence(config, 64, 48);
+  ASSERT_FALSE(rows);
+  EXPECT_NE(rows.error().message.find("fringes 32 is outside (0, 24]"), std::string::npos);
+}
+
 TEST(PatternSequence, ValidateFindsIncompleteSets) {
   PatternSequence sequence;
   sequence.width = sequence.height = 64;

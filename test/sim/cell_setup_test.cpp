@@ -116,7 +116,7 @@ TEST(CellSetup, CaptureStackFollowsTheSequence) {
   EXPECT_EQ(black(50, 37), 0);
   EXPECT_EQ(stack->frames[1].stamp_ns - stack->frames[0].stamp_ns, 40000000);
 
-  const Result<PatternSequence> other = MakeSequence(PatternConfig{}, 64, 64);
+  const Result<PatternSequence> other = MakeSequence(PatternConfig{}, 128, 128);
   EXPECT_FALSE(CaptureStack(cell, *other, 1.0, 0.01, 2));
   EXPECT_FALSE(CaptureStack(cell, PatternSequence{}, 1.0, 0.01, 2));
 }

@@ -158,6 +158,12 @@ TEST(Triangulate, InvalidInputGivesWordsOrNothing) {
   TriangulationConfig config;
   config.max_range_m = std::nan("");
   EXPECT_FALSE(Triangulate(view.phase, MakeScanner(), config).has_value());
+  config.max_range_m = 10.0;
+  config.min_range_m = 30.0;
+  const auto reversed = Triangulate(view.phase, MakeScanner(), config);
+  ASSERT_FALSE(reversed.has_value());
+  EXPECT_EQ(reversed.error().message,
+            "triangulation: min_range_m = 30 must be below max_range_m = 10");
   view.phase.u = view.phase.v = {};
   const auto nothing = Triangulate(view.phase, MakeScanner(), {});
   ASSERT_FALSE(nothing.has_value());

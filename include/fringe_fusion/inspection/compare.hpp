@@ -47,7 +47,8 @@ struct InspectionResult {
 /// Signed deviation of a mesh or cloud (no faces) from a reference mesh, both ways. Nothing is
 /// aligned: both must be in the same frame.
 /// @param reference_visible optional flag per reference face; the reference is sampled only there.
-/// @return error for an empty model, a reference without faces, or non-finite vertices.
+/// @return error for an empty model, a reference without faces, non-finite vertices, or when no
+/// sample of one is within max_distance_m of the other.
 [[nodiscard]] Result<InspectionResult> Compare(
     const Mesh& model, const Mesh& reference, const InspectionConfig& config,
     const std::optional<std::vector<std::uint8_t>>& reference_visible = std::nullopt,

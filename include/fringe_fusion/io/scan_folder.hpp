@@ -60,7 +60,8 @@ struct ScanFolder {
 /// FRINGE_FUSION_DATA is set, a root `.../shared/data/X` means `$FRINGE_FUSION_DATA/X`.
 [[nodiscard]] std::string FrameFolder(const ScanFolder& scan, int view_id,
                                       const ViewDescription& view);
-/// Reads the frames of a view and checks them against the sequence and the camera size.
+/// Reads the frames of a view and checks them against the sequence and the camera: its size and,
+/// where both are stated, camera_id of view.yaml against camera_serial of cell.yaml.
 [[nodiscard]] Result<ImageStack> ReadStack(const ScanFolder& scan, int view_id);
 /// Writes frames as PNG and view.yaml into a temporary folder that replaces the view's folder at
 /// the end: a view is complete or as it was before. What was decoded from earlier frames goes.

@@ -25,4 +25,7 @@ struct Mesh {
 /// Total area [m^2].
 [[nodiscard]] double Area(const Mesh& mesh);
 
+/// Diagonal of the box around all vertices, parallel to the axes [m]; 0 without vertices.
+[[nodiscard]] double BoxDiagonal(const Mesh& mesh);
+
 }  // namespace fringe_fusion
