@@ -3,19 +3,71 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::cli {
+
+namespace {
+
+/// Files that a command reads from a folder of settings.
+constexpr std::array<const char*, 13> kStageFiles = {
+    "cell",  "crop",         "epipolar", "fusion",        "health",  "inspection",   "pattern",
+    "phase", "registration", "sim",      "simulate_scan", "surface", "triangulation"};
+/// Files of the nodes and of a scan, which may lie beside them.
+constexpr std::array<const char*, 19> kOtherFiles = {
+    "arm_axes",    "camera",   "cell_node",      "cell_sim",       "diagnosis",
+    "fusion_node", "job",      "motion",         "occupancy",      "patterns",
+    "phase_node",  "pose",     "pose_node",      "pose_prior",     "projector",
+    "scanner",     "stations", "turntable_axes", "turntable_stops"};
+
+template <typename Names>
+bool Contains(const Names& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+}  // namespace
+
+Status CheckConfigFolder(const std::string& folder) {
+  std::vector<std::string> unknown;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    const std::string stem = entry.path().stem().string();
+    const bool is_yaml = entry.path().extension() == ".yaml" || entry.path().extension() == ".yml";
+    if (!is_yaml || entry.path().filename().string().front() == '.') continue;
+    const bool is_known = Contains(kStageFiles, stem) || Contains(kOtherFiles, stem);
+    if (!is_known || entry.path().extension() == ".yml") {
+      unknown.push_back(entry.path().filename().string());
+    }
+  }
+  if (error) return Fail("--config {}: cannot be listed: {}", folder, error.message());
+  if (unknown.empty()) return {};
+  std::sort(unknown.begin(), unknown.end());
+  return Fail("--config {}: {} is not read by any command; the settings are {}.yaml", folder,
+              unknown.front(), fmt::join(kStageFiles, ".yaml "));
+}
+
+CLI::Validator AtLeastZero() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        double value = 0.0;
+        const bool is_valid = CLI::detail::lexical_cast(text, value) && value >= 0.0;
+        return is_valid ? std::string() : fmt::format("{} must be >= 0", text);
+      },
+      ">= 0");
+}
 
 void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config) {
   command.add_option("--json", options.json_file, "Write the figures of the run to this file")
       ->type_name("FILE");
   if (has_config) {
     command
-        .add_option("--config", options.config_folder,
-                    "Folder with settings: each stage reads its <stage>.yaml there, if present "
-                    "(default: the folder settings/ of the scan)")
+        .add_option(
+            "--config", options.config_folder,
+            "Folder with settings: each stage reads its <stage>.yaml there, if present; keys "
+            "that it does not have keep their defaults (default: the folder settings/ of "
+            "the scan)")
         ->type_name("DIR");
   }
   command.add_option("--threads", options.threads, "Threads to use, 0: all cores")
@@ -29,6 +81,9 @@ Status RunBody(const std::string& name, const CommonOptions& options,
                const std::function<Status(Session&)>& body) {
   if (!options.config_folder.empty() && !std::filesystem::is_directory(options.config_folder)) {
     return Fail("--config {}: is not a folder", options.config_folder);
+  }
+  if (!options.config_folder.empty()) {
+    if (Status status = CheckConfigFolder(options.config_folder); !status) return status;
   }
   if (!options.json_file.empty()) {
     if (Status status = CheckOutputFile(options.json_file, {}); !status) return status;

@@ -28,12 +28,12 @@ class Session {
   Session(const std::string& command, const CommonOptions& options)
       : console(command, options.quiet), config_folder_(options.config_folder) {}
 
-  /// Settings of a stage: <config folder>/<stage>.yaml where it exists, else the defaults.
+  /// Settings of a stage: the keys of <config folder>/<stage>.yaml, the others at their defaults.
   /// @return error naming file, key, value and bound.
   template <typename Config>
   [[nodiscard]] Result<Config> LoadStage(const std::string& stage) const {
     if (!HasStage(stage)) return Config{};
-    return LoadConfigFile<Config>(StageFile(stage));
+    return LoadConfigFile<Config>(StageFile(stage), MissingKeys::kTakeDefaults);
   }
   [[nodiscard]] bool HasStage(const std::string& stage) const {
     return !config_folder_.empty() && std::filesystem::exists(StageFile(stage));
@@ -66,6 +66,13 @@ struct Tool {
 
 /// Adds --json, --config, --threads and --quiet. @param has_config whether --config is one of them.
 void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config);
+
+/// Checks the names of the .yaml files in a folder of settings: a misspelt one would be ignored.
+/// @return error naming the file and the names that are read.
+[[nodiscard]] Status CheckConfigFolder(const std::string& folder);
+
+/// Check of an option that is a number of at least 0.
+[[nodiscard]] CLI::Validator AtLeastZero();
 
 /// Runs the body of a command under the common options and writes its figures.
 [[nodiscard]] Status RunBody(const std::string& name, const CommonOptions& options,

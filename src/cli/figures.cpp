@@ -45,8 +45,8 @@ double Median(const Image<float>& values) {
   return static_cast<double>(*middle);
 }
 
-std::array<std::size_t, kNumMaskReasons> CountReasons(const Image<std::uint8_t>& mask) {
-  std::array<std::size_t, kNumMaskReasons> counts{};
+ReasonCount CountReasons(const Image<std::uint8_t>& mask) {
+  ReasonCount counts{};
   for (const std::uint8_t reason : mask) {
     if (reason < kNumMaskReasons) ++counts[reason];
   }
@@ -126,6 +126,25 @@ Report::Table RegistrationTable(const RegistrationResult& result) {
   for (const RegisteredView& view : result.views) {
     table.rows.push_back({std::to_string(view.id), fmt::format("{:.1f}", 100 * view.overlap_ratio),
                           Millimetres(view.rms_m), view.connected ? "yes" : "no"});
+  }
+  return table;
+}
+
+Report::Table MaskTable(const std::vector<std::string>& views,
+                        const std::vector<ReasonCount>& masks) {
+  Report::Table table;
+  table.title = "Pixels by what became of them";
+  table.header = {"view"};
+  table.rows.resize(views.size());
+  for (std::size_t i = 0; i < views.size(); ++i) table.rows[i] = {views[i]};
+  for (std::size_t reason = 0; reason < kNumMaskReasons; ++reason) {
+    const bool occurs = std::any_of(masks.begin(), masks.end(),
+                                    [reason](const ReasonCount& mask) { return mask[reason] > 0; });
+    if (!occurs) continue;
+    table.header.emplace_back(MaskReasonName(static_cast<MaskReason>(reason)));
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      table.rows[i].push_back(std::to_string(masks[i][reason]));
+    }
   }
   return table;
 }

@@ -20,8 +20,8 @@ namespace fringe_fusion::cli {
 [[nodiscard]] double Median(const Image<float>& values);
 
 /// How many pixels of a mask have each MaskReason.
-[[nodiscard]] std::array<std::size_t, kNumMaskReasons> CountReasons(
-    const Image<std::uint8_t>& mask);
+using ReasonCount = std::array<std::size_t, kNumMaskReasons>;
+[[nodiscard]] ReasonCount CountReasons(const Image<std::uint8_t>& mask);
 /// The reasons that occur in words, e.g. "10 valid, 90 too dark".
 [[nodiscard]] std::string ReasonCounts(const Image<std::uint8_t>& mask);
 
@@ -33,6 +33,9 @@ namespace fringe_fusion::cli {
 [[nodiscard]] Json InspectionFigures(const InspectionResult& result);
 
 // The same for people.
+/// @param masks of the views, in their order. Columns are the reasons that occur in any of them.
+[[nodiscard]] Report::Table MaskTable(const std::vector<std::string>& views,
+                                      const std::vector<ReasonCount>& masks);
 [[nodiscard]] Report::Table RegistrationTable(const RegistrationResult& result);
 [[nodiscard]] Report::Table MeshTable(const Mesh& mesh);
 [[nodiscard]] Report::Table InspectionTable(const InspectionResult& result);

@@ -41,7 +41,9 @@ Status Fuse(const FuseOptions& options, Session& session) {
   if (!views) return Forward(views);
   const auto mesh = FuseToMesh(*views, *config, session);
   if (!mesh) return Fail("{}: {}", options.views.views, mesh.error().message);
-  return WriteMesh(*mesh, options.out);
+  if (Status status = WriteMesh(mesh->mesh, options.out); !status) return status;
+  fmt::print("{}: {}\n", options.out, FusionSummary(*mesh));
+  return {};
 }
 
 }  // namespace

@@ -67,8 +67,8 @@ Result<FuseConfig> LoadFuseConfig(const Session& session, double voxel_m) {
   return config;
 }
 
-Result<Mesh> FuseToMesh(const std::vector<View>& views, const FuseConfig& config,
-                        Session& session) {
+Result<FusedMesh> FuseToMesh(const std::vector<View>& views, const FuseConfig& config,
+                             Session& session) {
   FusionConfig fusion = config.fusion;
   if (!config.voxel_is_given) {
     const auto voxel_m = VoxelFromSpacing(views);
@@ -81,7 +81,24 @@ Result<Mesh> FuseToMesh(const std::vector<View>& views, const FuseConfig& config
   session.console.End();
   session.figures.Set("fusion", FusionStageFigures(fused->figures, fusion.voxel_m));
   session.figures.Set("mesh", MeshFigures(fused->mesh));
-  return std::move(fused->mesh);
+  return FusedMesh{std::move(fused->mesh), std::move(fused->figures), fusion.voxel_m};
+}
+
+std::string FusionSummary(const FusedMesh& fused) {
+  return fmt::format("{} views, {} points, voxel {:.3g} mm, {} vertices, {} faces",
+                     fused.figures.num_views, fused.figures.num_points, fused.voxel_m * 1e3,
+                     fused.mesh.vertices.size(), fused.mesh.faces.size());
+}
+
+Report::Table PointTable(const FusionFigures& figures) {
+  Report::Table table;
+  table.title = "Points of the fusion";
+  table.header = {"fused", "outside the crop box", "on the plane or below", "in the fixture",
+                  "views without a point"};
+  table.rows = {{std::to_string(figures.num_points), std::to_string(figures.num_outside_box),
+                 std::to_string(figures.num_on_plane), std::to_string(figures.num_on_fixture),
+                 std::to_string(figures.num_empty_views)}};
+  return table;
 }
 
 }  // namespace fringe_fusion::cli

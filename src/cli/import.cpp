@@ -19,6 +19,7 @@ struct ImportOptions {
   std::string bag;
   std::string out;
   std::string cloud;
+  std::string scan_id;
   std::string frames_topic;
   std::string camera_info_topic;
   std::string projector_info_topic;
@@ -39,6 +40,10 @@ void Declare(CLI::App& command, ImportOptions& options) {
                   "Write the first sensor_msgs/PointCloud2 of this topic instead of a scan")
       ->type_name("TOPIC");
   command.add_flag("--list", options.list, "Print the topics of the bag and stop");
+  command
+      .add_option("--scan-id", options.scan_id,
+                  "Which scan to import; needed when the bag has several")
+      ->type_name("ID");
   command
       .add_option("--frames", options.frames_topic,
                   "Topic of the frames (default: the only one that ends in frames)")
@@ -104,10 +109,6 @@ Status ImportScan(const ImportOptions& options, BagReader& bag, Session& session
       scan = std::move(*created);
       scan_id = recorded.stack.scan_id;
     }
-    if (recorded.stack.scan_id != scan_id) {
-      return Fail("{}: has several scans, '{}' and '{}'", options.bag, scan_id,
-                  recorded.stack.scan_id);
-    }
     const auto prior = PriorFromTf(options, bag, recorded);
     if (!prior) return tl::unexpected(prior.error());
     ++num_views;
@@ -115,7 +116,8 @@ Status ImportScan(const ImportOptions& options, BagReader& bag, Session& session
     return WriteStack(*scan, recorded.stack, *prior, {});
   };
   session.console.Begin("import", 1);
-  if (Status status = bag.ReadStacks(options.frames_topic, take, session.console.Part(0));
+  if (Status status =
+          bag.ReadStacks(options.frames_topic, options.scan_id, take, session.console.Part(0));
       !status) {
     return status;
   }

@@ -63,10 +63,10 @@ std::string UnitAdvice(const InspectOptions& options, const Mesh& mesh, const Me
   const double ratio = BoxDiagonal(mesh) / BoxDiagonal(reference);
   const bool too_small = ratio > kUnlikelyRatio;
   const bool too_large = ratio < 1.0 / kUnlikelyRatio;
-  if (too_small && options.unit == "mm") return "; try --unit m";
-  if (too_large && options.unit == "m") return "; try --unit mm";
-  if (too_large && options.mesh_unit == "mm") return "; try --mesh-unit m";
-  if (too_small && options.mesh_unit == "m") return "; try --mesh-unit mm";
+  if (too_small && options.unit == "mm") return " (try --unit m)";
+  if (too_large && options.unit == "m") return " (try --unit mm)";
+  if (too_large && options.mesh_unit == "mm") return " (try --mesh-unit m)";
+  if (too_small && options.mesh_unit == "m") return " (try --mesh-unit mm)";
   return "";
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <string>
+#include <vector>
 
 #include "command.hpp"
 #include "fringe_fusion/common/progress.hpp"
@@ -29,6 +30,7 @@ void Describe(Tool& tool) {
       "Lengths in files are metres unless an option says otherwise. Errors go to stderr in one "
       "line;\nthe exit status is 0 on success, 1 on bad data, 2 on a bad command line, 130 when "
       "interrupted.");
+  tool.app.set_version_flag("--version", "fringe_fusion " FRINGE_FUSION_VERSION);
   tool.app.require_subcommand(1);
   AddPatterns(tool);
   AddSimulate(tool);
@@ -44,6 +46,23 @@ void Describe(Tool& tool) {
   AddRun(tool);
 }
 
+/// The command that was being read when the command line turned out wrong; "" before any.
+std::string CommandBeingRead(const Tool& tool) {
+  const std::vector<CLI::App*> commands = tool.app.get_subcommands();
+  return commands.empty() ? "" : commands.front()->get_name();
+}
+
+/// What is wrong with a command line.
+std::string UsageError(const Tool& tool, const CLI::ParseError& error, int argc, char** argv) {
+  const bool names_command = argc > 1 && argv[1][0] != '-' && argv[1][0] != '\0';
+  if (!CommandBeingRead(tool).empty() || !names_command) return error.what();
+  std::vector<std::string> names;
+  for (const CLI::App* command : tool.app.get_subcommands({})) {
+    names.push_back(command->get_name());
+  }
+  return fmt::format("unknown command '{}', must be one of {}", argv[1], fmt::join(names, " "));
+}
+
 int Run(int argc, char** argv) {
   const InterruptGuard guard;
   Tool tool;
@@ -51,8 +70,8 @@ int Run(int argc, char** argv) {
   try {
     tool.app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return tool.app.exit(error);  // --help
-    PrintError("", error.what());
+    if (error.get_exit_code() == 0) return tool.app.exit(error);  // --help, --version
+    PrintError(CommandBeingRead(tool), UsageError(tool, error, argc, argv));
     return kUsage;
   } catch (const std::exception& error) {
     PrintError(tool.command, error.what());

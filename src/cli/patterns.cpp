@@ -2,9 +2,9 @@
 #include <filesystem>
 
 #include "command.hpp"
-#include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/image_io.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
+#include "staged_folder.hpp"
 
 namespace fringe_fusion::cli {
 namespace {
@@ -76,7 +76,8 @@ Status Patterns(const PatternsOptions& options, Session& session) {
   if (!config) return Forward(config);
   const Result<PatternSequence> sequence = ChooseSequence(options, *config);
   if (!sequence) return Forward(sequence);
-  if (Status status = MakeFolder(options.out); !status) return status;
+  const auto folder = NeededFolder::Create(options.out);
+  if (!folder) return Forward(folder);
   session.console.Begin("patterns", 1);
   const Progress progress = session.console.Part(0);
   for (std::size_t i = 0; i < sequence->frames.size(); ++i) {

@@ -44,7 +44,7 @@ void Declare(CLI::App& command, PoseOptions& options) {
       ->required()
       ->type_name("SCAN/");
   command.add_option("--view", options.view, "Only this view (default: all)")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero())
       ->type_name("K");
   command
       .add_option("--out", options.out,

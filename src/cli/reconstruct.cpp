@@ -3,9 +3,9 @@
 
 #include "command.hpp"
 #include "figures.hpp"
-#include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
+#include "staged_folder.hpp"
 #include "views.hpp"
 
 namespace fringe_fusion::cli {
@@ -22,7 +22,7 @@ void Declare(CLI::App& command, ReconstructOptions& options) {
       ->required()
       ->type_name("SCAN/");
   command.add_option("--view", options.view, "Only this view (default: all)")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero())
       ->type_name("K");
   command.add_option("--out", options.out, "Write below this folder instead of the scan folder")
       ->type_name("DIR");
@@ -52,7 +52,8 @@ Status Decode(const ReconstructOptions& options, Session& session) {
     if (!stack) return Forward(stack);
     const auto phase = DecodePhase(*stack, *config, progress);
     if (!phase) return Fail("{}: {}", ViewFolder(*scan, id), phase.error().message);
-    if (Status status = MakeFolder(ViewFolder(target, id)); !status) return status;
+    const auto folder = NeededFolder::Create(ViewFolder(target, id));
+    if (!folder) return Forward(folder);
     if (Status status = WritePhaseMap(target, id, *phase); !status) return status;
     figures.push_back(PhaseFigures(id, *phase));
   }
@@ -77,7 +78,8 @@ Status Reconstruct(const ReconstructOptions& options, Session& session) {
     const auto made = ReconstructView(*scan, id, *config, progress);
     if (!made) return Forward(made);
     const std::string file = (std::filesystem::path(target.path) / RangeFile(id)).string();
-    if (Status status = MakeFolder(ViewFolder(target, id)); !status) return status;
+    const auto folder = NeededFolder::Create(ViewFolder(target, id));
+    if (!folder) return Forward(folder);
     if (Status status = WriteRangeImage(made->triangulation.range, file); !status) return status;
     figures.push_back(RangeFigures(id, made->triangulation));
   }

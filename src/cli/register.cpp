@@ -91,7 +91,11 @@ Status Register(const RegisterOptions& options, Session& session) {
     entries.push_back({(*files)[i], result->views[i].pose.T_object_camera});
   }
   session.figures.Set("registration", RegistrationFigures(*result));
-  return WritePosesConf(entries, options.out);
+  if (Status status = WritePosesConf(entries, options.out); !status) return status;
+  fmt::print("{}: {} views, rms {:.4f} mm before, {:.4f} mm after {} iterations{}\n", options.out,
+             result->views.size(), result->rms_before_m * 1e3, result->rms_after_m * 1e3,
+             result->iterations, result->converged ? "" : " (not converged)");
+  return {};
 }
 
 }  // namespace

@@ -41,6 +41,7 @@ struct Work {
   fs::path folder;  ///< where results are written
   std::vector<View> views;
   Report report;
+  std::string summary;  ///< the line that ends the command
 };
 
 void Declare(CLI::App& command, RunOptions& options) {
@@ -87,6 +88,8 @@ Status ReconstructViews(Work& work, Session& session) {
   table.title = "Views";
   table.header = {"view", "points", "median sigma along the ray [mm]", "median epipolar [px]"};
   std::vector<Json> figures;
+  std::vector<std::string> names;
+  std::vector<ReasonCount> masks;
   session.console.Begin("reconstruct", static_cast<int>(work.scan.view_ids.size()));
   for (const int id : work.scan.view_ids) {
     const Progress progress = session.console.Part(static_cast<int>(figures.size()));
@@ -103,8 +106,10 @@ Status ReconstructViews(Work& work, Session& session) {
       return status;
     }
     figures.push_back(RangeFigures(id, made->triangulation));
+    names.push_back(ViewName(id));
+    masks.push_back(CountReasons(made->triangulation.mask));
     table.rows.push_back(
-        {ViewName(id), std::to_string(CountValid(made->triangulation.range)),
+        {names.back(), std::to_string(CountValid(made->triangulation.range)),
          fmt::format("{:.4f}", Median(made->triangulation.range.sigma_range) * 1e3),
          fmt::format("{:.3f}", made->triangulation.median_abs_epipolar_px)});
     work.views.push_back({id, ViewName(id), std::move(made->triangulation.range), *pose});
@@ -113,6 +118,7 @@ Status ReconstructViews(Work& work, Session& session) {
   session.console.End();
   session.figures.Set("views", figures);
   work.report.tables.push_back(std::move(table));
+  work.report.tables.push_back(MaskTable(names, masks));
   return {};
 }
 
@@ -126,6 +132,7 @@ Status RegisterAll(Work& work, Session& session) {
   for (std::size_t i = 0; i < work.views.size(); ++i) work.views[i].pose = result->views[i].pose;
   session.figures.Set("registration", RegistrationFigures(*result));
   work.report.tables.push_back(RegistrationTable(*result));
+  work.summary = fmt::format(", registration rms {:.4f} mm", result->rms_after_m * 1e3);
   return {};
 }
 
@@ -157,16 +164,19 @@ Status WriteCloud(const Work& work, Session& session) {
 }
 
 Status FuseAll(Work& work, Session& session) {
-  const auto mesh = FuseToMesh(work.views, work.config.fuse, session);
-  if (!mesh) return Fail("{}: {}", work.scan.path, mesh.error().message);
-  work.report.tables.push_back(MeshTable(*mesh));
-  if (Status status = WriteMesh(*mesh, (work.folder / "mesh.ply").string()); !status) return status;
+  const auto fused = FuseToMesh(work.views, work.config.fuse, session);
+  if (!fused) return Fail("{}: {}", work.scan.path, fused.error().message);
+  const Mesh& mesh = fused->mesh;
+  work.summary = FusionSummary(*fused) + work.summary;
+  work.report.tables.push_back(PointTable(fused->figures));
+  work.report.tables.push_back(MeshTable(mesh));
+  if (Status status = WriteMesh(mesh, (work.folder / "mesh.ply").string()); !status) return status;
   // A single view is best seen from its camera, a whole object obliquely from above.
   const Eigen::Vector3f direction =
       work.views.size() == 1
           ? Eigen::Vector3f(-work.views[0].pose.T_object_camera.linear().col(2).cast<float>())
           : Eigen::Vector3f(0.6F, -0.7F, 0.4F);
-  const auto picture = RenderMesh(*mesh, direction, 1000, 800, !mesh->colors.empty());
+  const auto picture = RenderMesh(mesh, direction, 1000, 800, !mesh.colors.empty());
   if (!picture) return Forward(picture);
   work.report.pictures.insert(work.report.pictures.begin(), {"The mesh", "mesh.png"});
   return WriteImage(*picture, (work.folder / "mesh.png").string());
@@ -204,10 +214,12 @@ Status Run(const RunOptions& options, Session& session) {
   if (const auto ids = SelectViews(*scan, -1); !ids) return tl::unexpected(ids.error());
   auto folder = StagedFolder::Create(options.out);
   if (!folder) return tl::unexpected(folder.error());
-  Work work{std::move(*scan), std::move(*config), folder->path(), {}, {}};
+  Work work{std::move(*scan), std::move(*config), folder->path(), {}, {}, {}};
   if (Status status = AllStages(options, work, session); !status) return status;
   session.figures.Set("calibration_id", CalibrationId(work.scan.calibration));
-  return folder->Commit();
+  if (Status status = folder->Commit(); !status) return status;
+  fmt::print("{}: {}\n", (fs::path(options.out) / "mesh.ply").string(), work.summary);
+  return {};
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ void Declare(CLI::App& command, SimulateOptions& options) {
       ->check(CLI::Range(1, 10000))
       ->type_name("N");
   command.add_option("--seed", options.seed, "Seed of noise and pose errors (default: sim.yaml)")
-      ->check(CLI::NonNegativeNumber)
+      ->check(AtLeastZero())
       ->type_name("S");
   command
       .add_option("--out", options.out,
@@ -51,7 +51,7 @@ template <typename Config>
 Status LoadInto(const fs::path& folder, const std::string& stage, Config& config) {
   const fs::path file = folder / (stage + ".yaml");
   if (!fs::exists(file)) return {};
-  auto loaded = LoadConfigFile<Config>(file.string());
+  auto loaded = LoadConfigFile<Config>(file.string(), MissingKeys::kTakeDefaults);
   if (!loaded) return tl::unexpected(loaded.error());
   config = std::move(*loaded);
   return {};
@@ -62,6 +62,9 @@ Result<sim::SimulateScanConfig> LoadSettings(const SimulateOptions& options) {
   fs::path cell_file;
   if (fs::is_directory(options.config)) {
     const fs::path folder = options.config;
+    if (Status status = CheckConfigFolder(options.config); !status) {
+      return tl::unexpected(status.error());
+    }
     if (Status status = LoadInto(folder, "simulate_scan", config); !status) {
       return tl::unexpected(status.error());
     }
@@ -88,10 +91,11 @@ Result<sim::SimulateScanConfig> LoadSettings(const SimulateOptions& options) {
 Status Simulate(const SimulateOptions& options, Session& session) {
   const auto config = LoadSettings(options);
   if (!config) return tl::unexpected(config.error());
-  const auto object = sim::MakeObject(options.object);
-  if (!object) return tl::unexpected(object.error());
+  // Before the work: hours of rendering must not end at a folder that cannot be written.
   auto folder = StagedFolder::Create(options.out);
   if (!folder) return tl::unexpected(folder.error());
+  const auto object = sim::MakeObject(options.object);
+  if (!object) return tl::unexpected(object.error());
   session.console.Begin("simulate", 1);
   if (Status status = sim::SimulateScan(*config, *object, folder->path(), session.console.Part(0));
       !status) {

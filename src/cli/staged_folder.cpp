@@ -13,8 +13,28 @@ namespace fringe_fusion::cli {
 
 namespace fs = std::filesystem;
 
-Result<StagedFolder> StagedFolder::Create(const std::string& folder) {
+Result<NeededFolder> NeededFolder::Create(const std::string& folder) {
+  std::vector<fs::path> created;
+  std::error_code error;
+  for (fs::path path = folder; !path.empty() && !fs::exists(path, error);) {
+    created.push_back(path);
+    if (!path.has_relative_path()) break;
+    path = path.parent_path();
+  }
+  NeededFolder needed(std::move(created));
   if (Status status = MakeFolder(folder); !status) return tl::unexpected(status.error());
+  return needed;
+}
+
+NeededFolder::~NeededFolder() {
+  // Only empty folders can be removed so; the first one that is not keeps all around it.
+  std::error_code error;
+  for (const fs::path& folder : created_) fs::remove(folder, error);
+}
+
+Result<StagedFolder> StagedFolder::Create(const std::string& folder) {
+  auto parent = NeededFolder::Create(folder);
+  if (!parent) return tl::unexpected(parent.error());
   // The process id keeps two runs into the same folder apart.
   const fs::path staging = fs::path(folder) / fmt::format(".partial-{}", getpid());
   std::error_code error;
@@ -22,11 +42,13 @@ Result<StagedFolder> StagedFolder::Create(const std::string& folder) {
   if (Status status = MakeFolder(staging.string()); !status) {
     return tl::unexpected(status.error());
   }
-  return StagedFolder(folder, staging);
+  return StagedFolder(std::move(*parent), folder, staging);
 }
 
 StagedFolder::StagedFolder(StagedFolder&& other) noexcept
-    : target_(std::move(other.target_)), staging_(std::exchange(other.staging_, {})) {}
+    : parent_(std::move(other.parent_)),
+      target_(std::move(other.target_)),
+      staging_(std::exchange(other.staging_, {})) {}
 
 StagedFolder::~StagedFolder() {
   if (staging_.empty()) return;

@@ -2,16 +2,37 @@
 
 #include <filesystem>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "fringe_fusion/common/result.hpp"
 
 namespace fringe_fusion::cli {
 
+/// A folder that a command needs. What had to be created for it goes again at the end of life
+/// when nothing was put into it.
+class NeededFolder {
+ public:
+  /// @return error naming the folder.
+  [[nodiscard]] static Result<NeededFolder> Create(const std::string& folder);
+
+  NeededFolder(NeededFolder&& other) noexcept : created_(std::exchange(other.created_, {})) {}
+  NeededFolder& operator=(NeededFolder&&) = delete;
+  ~NeededFolder();
+
+ private:
+  explicit NeededFolder(std::vector<std::filesystem::path> created)
+      : created_(std::move(created)) {}
+
+  std::vector<std::filesystem::path> created_;  ///< innermost first
+};
+
 /// A result of several files that appears as a whole: it is built in a hidden folder inside the
 /// target and moved into place at the end, so that a failure leaves earlier results untouched.
 class StagedFolder {
  public:
-  /// Creates `folder` and an empty hidden folder in it. @return error naming the folder.
+  /// Creates `folder` and an empty hidden folder in it; a folder that was not there before goes
+  /// again when nothing is committed. @return error naming the folder.
   [[nodiscard]] static Result<StagedFolder> Create(const std::string& folder);
 
   StagedFolder(StagedFolder&& other) noexcept;
@@ -26,9 +47,10 @@ class StagedFolder {
   [[nodiscard]] Status Commit();
 
  private:
-  StagedFolder(std::filesystem::path target, std::filesystem::path staging)
-      : target_(std::move(target)), staging_(std::move(staging)) {}
+  StagedFolder(NeededFolder parent, std::filesystem::path target, std::filesystem::path staging)
+      : parent_(std::move(parent)), target_(std::move(target)), staging_(std::move(staging)) {}
 
+  NeededFolder parent_;  ///< first member: it looks at the folder when the rest is gone
   std::filesystem::path target_;
   std::filesystem::path staging_;
 };

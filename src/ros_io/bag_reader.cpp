@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "fringe_fusion/ros_io/cloud_messages.hpp"
@@ -231,7 +232,7 @@ Result<CellCalibration> BagReader::ReadCalibration(const std::string& camera_inf
   return calibration;
 }
 
-Status BagReader::ReadStacks(const std::string& frames_topic,
+Status BagReader::ReadStacks(const std::string& frames_topic, const std::string& scan_id,
                              const std::function<Status(BagStack)>& take,
                              const Progress& progress) {
   const auto topic = impl_->FindTopic(frames_topic, "fringe_fusion/Frame", "frames");
@@ -240,8 +241,13 @@ Status BagReader::ReadStacks(const std::string& frames_topic,
   const double num_messages = std::max(1.0, static_cast<double>(count.size()));
   double num_read = 0.0;
   std::map<std::pair<std::string, std::uint32_t>, PartialStack> partial;
+  std::set<std::string> scan_ids;
+  std::string wanted = scan_id;
   const auto use = [&](const Frame& message) -> Status {
     if (!progress("import", num_read++ / num_messages)) return Fail("{}", kCancelled);
+    scan_ids.insert(message.scan_id);
+    if (scan_id.empty() && scan_ids.size() == 1) wanted = message.scan_id;
+    if (message.scan_id != wanted) return {};
     const auto key = std::make_pair(message.scan_id, message.view_id);
     PartialStack& stack = partial[key];
     if (Status status = AddFrame(stack, message); !status) {
@@ -255,6 +261,10 @@ Status BagReader::ReadStacks(const std::string& frames_topic,
     return take(std::move(complete));
   };
   if (Status status = impl_->ForEach<Frame>(*topic, use); !status) return status;
+  if (scan_id.empty() ? scan_ids.size() > 1 : scan_ids.count(scan_id) == 0) {
+    return Fail("{}: {}: scan id '{}' must be one of '{}'", impl_->path, *topic, scan_id,
+                fmt::join(scan_ids, "', '"));
+  }
   if (!partial.empty()) {
     const auto& [key, stack] = *partial.begin();
     return Fail("{}: {}: scan '{}' view {} has {} of {} frames", impl_->path, *topic, key.first,

@@ -106,6 +106,51 @@ TEST_F(BadInput, UnknownKeyOfAStage) {
                 {"surface.yaml", "smooth"});
 }
 
+TEST_F(BadInput, MisnamedSettings) {
+  WriteBytes(fs::path(scan_) / "phaze.yaml", "gain_dn: 0.1\n");
+  ExpectRefused({"run", "--scan", scan_, "--out", out_, "--config", scan_},
+                {"phaze.yaml", "phase.yaml", "triangulation.yaml"});
+  ExpectRefused({"simulate", "--config", scan_, "--out", out_}, {"phaze.yaml", "sim.yaml"});
+}
+
+TEST_F(BadInput, FringesFinerThanThePixels) {
+  WriteBytes(fs::path(scan_) / "pattern.yaml", "fringes: \"1,8,999\"\n");
+  ExpectRefused({"patterns", "--size", "1280x800", "--out", out_, "--config", scan_},
+                {"fringes 999", "(0, 640]"});
+}
+
+TEST_F(BadInput, ReversedRangeLimits) {
+  WriteBytes(fs::path(scan_) / "triangulation.yaml", "min_range_m: 30\n");
+  ExpectRefused({"run", "--scan", scan_, "--out", out_, "--config", scan_},
+                {"min_range_m = 30", "max_range_m = 10"});
+}
+
+TEST_F(BadInput, ViewWithoutAnyPoint) {
+  WriteBytes(fs::path(scan_) / "triangulation.yaml", "min_range_m: 9\n");
+  ExpectRefused({"reconstruct", "--scan", scan_, "--out", out_, "--config", scan_},
+                {"views/000", "no valid point", "out of range", "too dark"});
+}
+
+TEST_F(BadInput, FramesOfAnotherCamera) {
+  ReplaceInFile(scan_ + "/views/001/view.yaml", "\"sim-camera\"", "\"other-camera\"");
+  ExpectScanRefused({"views/001/view.yaml", "'other-camera'", "'sim-camera'", "cell.yaml"});
+}
+
+TEST_F(BadInput, WrongUnit) {
+  const std::string mesh = scan_ + "/truth/object.ply";
+  ExpectRefused({"inspect", "--mesh", mesh, "--reference", mesh, "--unit", "mm"},
+                {"no sample", "object.ply", "max_distance_m", "diagonal", "try --unit m"});
+}
+
+TEST_F(BadInput, LeavesNoFolderOfItsOwnBehind) {
+  const fs::path fresh = fs::path(scan_) / "fresh";
+  fs::remove(scan_ + "/views/000/frame_003.png");
+  for (const char* command : {"run", "decode", "reconstruct"}) {
+    ExpectRefused({command, "--scan", scan_, "--out", (fresh / "inner").string()}, {"frame_003"});
+    EXPECT_FALSE(fs::exists(fresh)) << command;
+  }
+}
+
 TEST_F(BadInput, MissingRequiredKey) {
   ReplaceInFile(scan_ + "/cell.yaml", "fx: ", "fz: ");
   ExpectScanRefused({"cell.yaml", "fx"});
@@ -176,6 +221,8 @@ TEST_F(BadInput, BagThatIsNone) {
 TEST_F(BadInput, UnwritableOutputFolder) {
   // Not even root may create files in /proc.
   ExpectRefused({"run", "--scan", scan_, "--out", "/proc/fringe"}, {"/proc/fringe"});
+  // Before it looks at the object, let alone renders it.
+  ExpectRefused({"simulate", "--object", "nothing", "--out", "/proc/fringe"}, {"/proc/fringe"});
   ExpectRefused({"fuse", "--views", scan_, "--out", scan_ + "/nowhere/mesh.ply"},
                 {"nowhere", "does not exist"});
   ExpectRefused({"fuse", "--views", scan_, "--out", out_ + "/mesh.xyz"}, {"mesh.xyz", ".ply"});
@@ -193,6 +240,15 @@ TEST_F(BadInput, BadCommandLine) {
     EXPECT_EQ(outcome.exit_status, 2) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
+}
+
+TEST_F(BadInput, CommandLineErrorsNameCommandAndLimit) {
+  const auto message = [](const std::vector<std::string>& call) { return RunFringe(call).err; };
+  EXPECT_EQ(message({"decode", "--scan", scan_, "--view", "-1"}),
+            "fringe decode: --view: -1 must be >= 0\n");
+  EXPECT_EQ(message({"fuse", "--views", scan_}), "fringe fuse: --out is required\n");
+  EXPECT_EQ(message({"fly"}).rfind("fringe: unknown command 'fly', must be one of patterns ", 0),
+            0U);
 }
 
 /// A file system of a given size, mounted for a test.

@@ -164,7 +164,14 @@ TEST_F(Commands, InspectReadsMillimetres) {
 }
 
 TEST_F(Commands, RunDoesAllStages) {
-  ExpectSuccess(RunFringe({"run", "--scan", Path("scan"), "--out", Path("run")}));
+  const Outcome outcome = RunFringe({"run", "--scan", Path("scan"), "--out", Path("run")});
+  ExpectSuccess(outcome);
+  EXPECT_EQ(outcome.out.rfind(Path("run/mesh.ply: 4 views, "), 0), 0U) << outcome.out;
+  EXPECT_NE(outcome.out.find("registration rms"), std::string::npos) << outcome.out;
+  const std::string report = ReadBytes(Path("run/report.html"));
+  for (const char* words : {"too dark", "outside the crop box"}) {
+    EXPECT_NE(report.find(words), std::string::npos) << words;
+  }
   for (const char* file : {"mesh.ply", "cloud.ply", "poses.conf", "mesh.png", "phase.png",
                            "report.html", "views/000/range.ply", "views/003/range.ply"}) {
     EXPECT_TRUE(fs::exists(fs::path(Path("run")) / file)) << file;
@@ -184,7 +191,27 @@ TEST_F(Commands, RunTakesTheCameraFrameOfASingleViewWithoutPrior) {
             std::string::npos);
 }
 
+TEST_F(Commands, SettingsMayStateOnlyWhatDiffers) {
+  WriteBytes(Path("settings/crop.yaml"), "# the plate\nremove_plane: true\nplane_margin_m: 0.02\n");
+  WriteBytes(Path("settings/surface.yaml"), "# nothing\n");
+  const auto fuse = [](const std::string& config) {
+    ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("cropped.ply"),
+                             "--config", config, "--json", Path("cropped.json")}));
+    return Figure(Path("cropped.json"), "num_on_plane");
+  };
+  const double few = fuse(Path("config"));
+  EXPECT_GT(fuse(Path("settings")), few + 100.0);
+}
+
+TEST_F(Commands, KnowsEverySettingsFileOfThePackage) {
+  ExpectSuccess(RunFringe(
+      {"patterns", "--size", "160x128", "--out", Path("known"), "--config", SOURCE_DIR "/config"}));
+}
+
 TEST_F(Commands, TellTheirOptions) {
+  const Outcome version = RunFringe({"--version"});
+  EXPECT_EQ(version.exit_status, 0);
+  EXPECT_EQ(version.out.rfind("fringe_fusion ", 0), 0U) << version.out;
   const Outcome help = RunFringe({"--help"});
   EXPECT_EQ(help.exit_status, 0);
   for (const char* command : {"patterns", "simulate", "decode", "reconstruct", "register", "fuse",

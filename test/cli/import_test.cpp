@@ -54,12 +54,15 @@ void WriteDevices(rosbag::Bag& bag, const ScanFolder& scan, const ros::Time& sta
 }
 
 /// Records a scan folder as the nodes would. @param num_left_out last frames that were lost.
-void WriteBag(const ScanFolder& scan, const std::string& path, std::size_t num_left_out) {
-  rosbag::Bag bag(path, rosbag::bagmode::Write);
+/// @param scan_id "": that of the scan; else under this id behind what the bag has already.
+void WriteBag(const ScanFolder& scan, const std::string& path, std::size_t num_left_out,
+              const std::string& scan_id = "") {
+  rosbag::Bag bag(path, scan_id.empty() ? rosbag::bagmode::Write : rosbag::bagmode::Append);
   bool is_first = true;
   for (const int id : scan.view_ids) {
-    const auto stack = ReadStack(scan, id);
+    auto stack = ReadStack(scan, id);
     ASSERT_TRUE(stack) << stack.error().message;
+    if (!scan_id.empty()) stack->scan_id = scan_id;
     const auto description = ReadViewDescription(scan, id);
     ASSERT_TRUE(description && description->prior);
     const ros::Time stamp = ros_io::ToRosTime(stack->frames.front().stamp_ns);
@@ -132,7 +135,34 @@ TEST_F(Import, RefusesAViewThatLacksFrames) {
   const std::size_t count = scan->sequence.frames.size();
   const std::string words = fmt::format("view 0 has {} of {} frames", count - 1, count);
   EXPECT_NE(outcome.err.find(words), std::string::npos) << outcome.err;
-  EXPECT_TRUE(ListFiles(Path("short")).empty());
+  EXPECT_FALSE(fs::exists(Path("short")));
+}
+
+TEST_F(Import, TakesTheScanThatIsNamed) {
+  auto scan = OpenScan(Path("scan"));
+  ASSERT_TRUE(scan) << scan.error().message;
+  WriteBag(*scan, Path("two.bag"), 0);
+  const std::string first_id = ReadStack(*scan, 0)->scan_id;
+  scan->view_ids = {1};
+  WriteBag(*scan, Path("two.bag"), 0, "second scan");
+  const auto import = [](const std::vector<std::string>& more) {
+    std::vector<std::string> call = {"import", "--bag", Path("two.bag"), "--out", Path("two")};
+    call.insert(call.end(), more.begin(), more.end());
+    return RunFringe(call);
+  };
+  for (const auto& choice : {std::vector<std::string>{}, {"--scan-id", "third"}}) {
+    const Outcome refused = import(choice);
+    EXPECT_EQ(refused.exit_status, 1);
+    for (const std::string& word : {std::string("two.bag"), first_id, std::string("second scan")}) {
+      EXPECT_NE(refused.err.find(word), std::string::npos) << refused.err;
+    }
+  }
+  const Outcome outcome = import({"--scan-id", "second scan"});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  const auto imported = OpenScan(Path("two"));
+  ASSERT_TRUE(imported) << imported.error().message;
+  EXPECT_EQ(imported->view_ids, std::vector<int>{1});
+  EXPECT_EQ(ReadStack(*imported, 1)->scan_id, "second scan");
 }
 
 TEST_F(Import, LeavesThePriorOutWhereTfDoesNotKnowTheObject) {

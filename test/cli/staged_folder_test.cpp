@@ -39,6 +39,24 @@ TEST(StagedFolder, LeavesNothingWithoutCommit) {
   EXPECT_EQ(ReadBytes(target / "mesh.ply"), "old");
 }
 
+TEST(StagedFolder, TakesTheFoldersThatItCreatedAwayWithoutCommit) {
+  const TemporaryFolder target("staged");
+  {
+    auto staged = StagedFolder::Create((target / "a/b/").string());
+    ASSERT_TRUE(staged) << staged.error().message;
+    WriteBytes(fs::path(staged->path()) / "mesh.ply", "new");
+  }
+  EXPECT_TRUE(fs::is_directory(target.path()));
+  EXPECT_FALSE(fs::exists(target / "a"));
+  {
+    auto staged = StagedFolder::Create((target / "a/b").string());
+    ASSERT_TRUE(staged) << staged.error().message;
+    WriteBytes(target / "a/notes.txt", "mine");
+  }
+  EXPECT_EQ(ListFiles(target.path()), std::vector<std::string>{"a/notes.txt"});
+  EXPECT_FALSE(fs::exists(target / "a/b"));
+}
+
 TEST(StagedFolder, NamesAFolderThatCannotBeMade) {
   const auto staged = StagedFolder::Create("/proc/staged");
   ASSERT_FALSE(staged);

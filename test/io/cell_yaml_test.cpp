@@ -59,7 +59,7 @@ TEST(CellYaml, NamesFileFieldAndValueOfEveryFault) {
   EXPECT_EQ(size.rfind(path + ": projector: ", 0), 0U) << size;
   EXPECT_NE(size.find("0 x 32"), std::string::npos) << size;
   EXPECT_NE(
-      complaint("translation_m: [", "translation_m: [0, ").find("must be a list of the right"),
+      complaint("translation_m: [", "translation_m: [0, ").find("must be a list of 3 numbers"),
       std::string::npos);
   EXPECT_NE(complaint("quaternion_xyzw: [", "quaternion_xyzw: [1").find("quaternion has length"),
             std::string::npos);

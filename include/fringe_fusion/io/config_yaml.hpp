@@ -11,11 +11,15 @@
 
 namespace fringe_fusion {
 
+/// What a key that a file does not have means.
+enum class MissingKeys { kAreErrors, kTakeDefaults };
+
 namespace internal {
-/// Reads the fields of a Config from a YAML map; every key is required, unknown keys are errors.
+/// Reads the fields of a Config from a YAML map; unknown keys are errors.
 class YamlReader {
  public:
-  YamlReader(const YAML::Node& node, std::string owner) : node_(node), owner_(std::move(owner)) {}
+  YamlReader(const YAML::Node& node, std::string owner, MissingKeys missing)
+      : node_(node), owner_(std::move(owner)), missing_(missing) {}
 
   template <typename T, typename... Bounds>
   void operator()(const char* name, T& value, Bounds... /*bounds*/) {
@@ -23,6 +27,7 @@ class YamlReader {
     if (!status_) return;
     const YAML::Node field = node_[name];
     if (!field) {
+      if (missing_ == MissingKeys::kTakeDefaults) return;
       status_ = Fail("{}: required key '{}' is missing", owner_, name);
       return;
     }
@@ -46,20 +51,25 @@ class YamlReader {
  private:
   YAML::Node node_;
   std::string owner_;
+  MissingKeys missing_;
   std::set<std::string> known_;
   Status status_;
 };
 }  // namespace internal
 
 /// Loads a stage's Config from a YAML file, e.g. config/phase.yaml, and checks its bounds.
+/// @param missing kTakeDefaults: the file states what differs from the defaults of the struct.
 /// @return error naming file, key, value and bound.
 template <typename Config>
-[[nodiscard]] Result<Config> LoadConfigFile(const std::string& path) {
+[[nodiscard]] Result<Config> LoadConfigFile(const std::string& path,
+                                            MissingKeys missing = MissingKeys::kAreErrors) {
   Config config;
   try {
-    const YAML::Node root = YAML::LoadFile(path);
+    YAML::Node root = YAML::LoadFile(path);
+    // A file of comments alone states nothing.
+    if (root.IsNull() && missing == MissingKeys::kTakeDefaults) root = YAML::Load("{}");
     if (!root.IsMap()) return Fail("{}: not a YAML map", path);
-    internal::YamlReader reader(root, path);
+    internal::YamlReader reader(root, path, missing);
     config.Visit(reader);
     if (Status status = reader.Finish(); !status) return tl::unexpected<Error>(status.error());
   } catch (const YAML::BadFile&) {

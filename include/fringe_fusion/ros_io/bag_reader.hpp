@@ -43,9 +43,11 @@ class BagReader {
 
   /// Hands over every view as soon as its last frame was read, so that one view at a time is in
   /// memory. A frame that was recorded twice counts as it was recorded last.
+  /// @param scan_id of the frames to read, others are passed over; "": the bag must have one scan.
   /// @param take its failure ends the reading and is returned.
-  /// @return error when the topic is absent, frames of a view are missing, or on cancel.
-  [[nodiscard]] Status ReadStacks(const std::string& frames_topic,
+  /// @return error when the topic is absent, frames of a view are missing, or on cancel; when
+  /// scan_id is not in the bag or "" leaves the choice open, it lists the ids that are.
+  [[nodiscard]] Status ReadStacks(const std::string& frames_topic, const std::string& scan_id,
                                   const std::function<Status(BagStack)>& take,
                                   const Progress& progress = NoProgress);
 
