@@ -137,7 +137,11 @@ TEST_F(BadInput, FramesOfAnotherCamera) {
 }
 
 TEST_F(BadInput, WrongUnit) {
-  const std::string mesh = scan_ + "/truth/object.ply";
+  const std::string mesh = scan_ + "/object.ply";
+  WriteBytes(mesh,
+             "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+             "property float z\nelement face 1\nproperty list uchar int vertex_indices\n"
+             "end_header\n0.1 0 0\n0.2 0 0\n0.1 0.1 0\n3 0 1 2\n");
   ExpectRefused({"inspect", "--mesh", mesh, "--reference", mesh, "--unit", "mm"},
                 {"no sample", "object.ply", "max_distance_m", "diagonal", "try --unit m"});
 }
