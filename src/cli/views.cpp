@@ -46,7 +46,15 @@ Result<std::vector<View>> LoadConf(const ViewsOptions& options, Session& session
   for (const ConfEntry& entry : *entries) {
     const int id = static_cast<int>(views.size());
     if (!session.console.Part(id)("load", 0.0)) return Fail("{}", kCancelled);
-    Result<RangeImage> range = ReadRangeImage((folder / entry.file).string());
+    const fs::path file = folder / entry.file;
+    std::error_code error;
+    // A scan of the live cell holds its frames only.
+    if (!fs::exists(file, error) && fs::exists(file.parent_path() / "view.yaml", error)) {
+      return Fail("{}: names {}, which is not there yet: `fringe reconstruct --scan {}` writes it",
+                  options.views, file.string(),
+                  file.parent_path().parent_path().parent_path().string());
+    }
+    Result<RangeImage> range = ReadRangeImage(file.string());
     if (!range) return Forward(range);
     View view;
     view.id = id;

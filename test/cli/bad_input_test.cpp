@@ -179,6 +179,13 @@ TEST_F(BadInput, ViewWithoutPose) {
   ExpectScanRefused({"view 1 has no pose", "prior"});
 }
 
+TEST_F(BadInput, PosesOfAScanWithoutRangeImages) {
+  const std::string poses = (fs::path(scan_) / "poses.conf").string();
+  WriteBytes(poses, "bmesh views/000/range.ply 0 0 0 0 0 0 1\n");
+  ExpectRefused({"fuse", "--views", poses, "--out", (fs::path(out_) / "mesh.ply").string()},
+                {"views/000/range.ply", "`fringe reconstruct --scan " + scan_ + "` writes it"});
+}
+
 TEST_F(BadInput, MissingScan) {
   ExpectRefused({"run", "--scan", scan_ + "/nowhere", "--out", out_}, {"nowhere"});
 }
