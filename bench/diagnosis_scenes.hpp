@@ -50,9 +50,9 @@ struct DiagnosisScene {
 
 constexpr int kNumFaultScenes = 24;
 constexpr int kNumCleanScenes = 320;
-constexpr int FaultSeed(int scene) { return 9001 + 7 * scene; }    // evaluation
-constexpr int CleanSeed(int scene) { return 40001 + 13 * scene; }  // evaluation
-constexpr int TuningSeed(int scene) { return 100001 + 17 * scene; }
+constexpr int FaultSeed(int scene) { return 500009 + 31 * scene; }   // evaluation
+constexpr int CleanSeed(int scene) { return 700001 + 37 * scene; }   // evaluation
+constexpr int TuningSeed(int scene) { return 100001 + 17 * scene; }  // choosing limits
 
 /// Uniform numbers that are the same with every standard library.
 class Draw {
