@@ -80,8 +80,23 @@ CameraNode::CameraNode(const ros::NodeHandle& nh, const ros::NodeHandle& private
   settings_server_->setCallback(
       [this](const CameraConfig& settings, std::uint32_t /*level*/) { OnSettings(settings); });
   capture_ = handle.advertiseService("capture", &CameraNode::OnCapture, this);
-  ROS_INFO("%s for %d x %d px, opened with the first picture", camera_->Id().c_str(),
-           calibration_.camera.width, calibration_.camera.height);
+  device_timer_ = handle.createTimer(ros::Duration(1.0), [this](const auto&) { LookForDevice(); });
+}
+
+void CameraNode::LookForDevice() {
+  const std::lock_guard<std::mutex> camera_lock(camera_mutex_);
+  const Status status = camera_->Connect();
+  const std::lock_guard<std::mutex> state_lock(state_mutex_);
+  if (!status) {
+    // A failed capture since then says more.
+    if (num_failed_ == 0) last_error_ = status.error().message;
+    ROS_WARN_THROTTLE(60.0, "%s; it is looked for again", status.error().message.c_str());
+    return;
+  }
+  if (num_failed_ == 0) last_error_.clear();
+  ROS_INFO("%s for %d x %d px", camera_->Id().c_str(), calibration_.camera.width,
+           calibration_.camera.height);
+  device_timer_.stop();
 }
 
 bool CameraNode::OnCapture(Capture::Request& request, Capture::Response& response) {

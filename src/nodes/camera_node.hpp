@@ -44,7 +44,7 @@ struct CameraNodeConfig {
 
 /// Drives a camera: service `~capture`, topics `image_raw` and `camera_info`, `set_camera_info`,
 /// exposure and gain by dynamic_reconfigure. A device that is absent makes captures fail in words;
-/// it is looked for again at every capture.
+/// it is looked for at the start and again until it is there, and at every capture.
 class CameraNode {
  public:
   /// @return error naming a parameter or cell.yaml.
@@ -60,6 +60,8 @@ class CameraNode {
   CameraNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, CameraNodeConfig config,
              CellCalibration calibration, std::unique_ptr<Camera> camera);
 
+  /// Looks for the device until it is found once, so that its absence is known before a capture.
+  void LookForDevice();
   bool OnCapture(Capture::Request& request, Capture::Response& response);
   [[nodiscard]] Result<CapturedFrame> CaptureFrame(const Capture::Request& request);
   /// The calibration belongs to one camera and one image size.
@@ -86,6 +88,7 @@ class CameraNode {
   camera_info_manager::CameraInfoManager camera_info_;
   diagnostic_updater::Updater diagnostics_;
   ros::Timer diagnostics_timer_;
+  ros::Timer device_timer_;
   ros::ServiceServer capture_;
   std::unique_ptr<dynamic_reconfigure::Server<CameraConfig>> settings_server_;
 };

@@ -1,5 +1,6 @@
 // The device nodes over ROS: names, answers, failures in words, and what the simulated cell shows.
 #include <actionlib/client/simple_action_client.h>
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <fringe_fusion/Capture.h>
 #include <fringe_fusion/LoadSequence.h>
@@ -362,6 +363,22 @@ TEST(MotionNode, StopsWhenCancelled) {
     EXPECT_EQ(resting.velocity.at(0), 0.0);
   }
   MoveTo(0.0);  // The next motion works.
+}
+
+TEST(CameraNode, TellsThatTheDeviceIsAbsentBeforeAnyPicture) {
+  ros::NodeHandle nh;
+  const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(30.0);
+  std::string words;
+  while (words.empty() && ros::WallTime::now() < deadline) {
+    const auto message =
+        ros::topic::waitForMessage<diagnostic_msgs::DiagnosticArray>("/diagnostics", nh, kPatience);
+    ASSERT_TRUE(message);
+    for (const auto& status : message->status) {
+      const bool is_error = status.level == diagnostic_msgs::DiagnosticStatus::ERROR;
+      if (status.name.find("absent") != std::string::npos && is_error) words = status.message;
+    }
+  }
+  EXPECT_NE(words.find("'127.0.0.99' was not found"), std::string::npos) << words;
 }
 
 TEST(MotionNode, RefusesAWrongNumberOfJoints) {

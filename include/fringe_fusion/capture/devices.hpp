@@ -17,6 +17,9 @@ class Camera {
   virtual ~Camera() = default;
   /// Model and serial number for messages and for the calibration check.
   [[nodiscard]] virtual std::string Id() const = 0;
+  /// Opens the device if it is not open; every Capture does so as well. Called early, it tells
+  /// whether there is one. @return error naming the device.
+  [[nodiscard]] virtual Status Connect() { return {}; }
   /// @param exposure_s > 0. @param gain >= 0, device units.
   [[nodiscard]] virtual Status Configure(double exposure_s, double gain) = 0;
   /// What the next picture is for. Only a recording has to know, to give that very frame.

@@ -47,13 +47,13 @@ class AravisCamera : public Camera {
   ~AravisCamera() override;
 
   [[nodiscard]] std::string Id() const override;
+  [[nodiscard]] Status Connect() override;
   [[nodiscard]] Status Configure(double exposure_s, double gain) override;
   [[nodiscard]] Result<CapturedFrame> Capture(double timeout_s) override;
 
  private:
   class Connection;
 
-  [[nodiscard]] Status Connect();
   [[nodiscard]] Status ApplySettings();
   /// Lets go of the connection without waiting for it to close.
   void Drop();
