@@ -8,7 +8,7 @@ add_message_files(FILES
   ViewPoses.msg ViewStatus.msg)
 add_service_files(FILES
   Capture.srv ExtractSurface.srv IntegrateView.srv LoadSequence.srv OptimizeViews.srv
-  QueryDistance.srv ShowPattern.srv SimExpose.srv SimProject.srv)
+  QueryDistance.srv ReadModel.srv ShowPattern.srv SimExpose.srv SimProject.srv WriteModel.srv)
 add_action_files(FILES
   MoveToView.action ScanObject.action ScanView.action)
 generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs)

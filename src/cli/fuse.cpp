@@ -1,5 +1,9 @@
 // fringe fuse: posed views -> mesh.
+#include <filesystem>
+
 #include "command.hpp"
+#include "figures.hpp"
+#include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fuse_views.hpp"
 #include "views.hpp"
@@ -10,6 +14,7 @@ namespace {
 struct FuseOptions {
   ViewsOptions views;
   std::string out;
+  std::string model;
   std::string method = "gie";
   double voxel_m = 0.0;
 };
@@ -19,6 +24,10 @@ void Declare(CLI::App& command, FuseOptions& options) {
   command.add_option("--out", options.out, "Mesh to write: .ply, .stl or .obj")
       ->required()
       ->type_name("MESH.ply");
+  command
+      .add_option("--model", options.model,
+                  "Save the implicit model too; --views MODEL.vdb makes a mesh of it again")
+      ->type_name("MODEL.vdb");
   command.add_option("--method", options.method, "gie: generalised implicit equation")
       ->check(CLI::IsMember({"gie"}))
       ->capture_default_str();
@@ -30,9 +39,39 @@ void Declare(CLI::App& command, FuseOptions& options) {
       ->type_name("M");
 }
 
+bool IsModel(const std::string& path) { return std::filesystem::path(path).extension() == ".vdb"; }
+
+/// The surface of a model that was saved.
+Status ExtractSaved(const FuseOptions& options, Session& session) {
+  if (options.voxel_m != 0.0 || !options.model.empty()) {
+    return Fail("--views {}: is a finished model: --voxel and --model do not apply",
+                options.views.views);
+  }
+  const auto surface = session.LoadStage<SurfaceConfig>("surface");
+  if (!surface) return Forward(surface);
+  session.console.Begin("load", 1);
+  const auto saved = LoadModel(options.views.views, session.console.Part(0));
+  if (!saved) return Forward(saved);
+  session.console.End();
+  session.console.Begin("extract", 1);
+  const auto mesh = ExtractMesh(saved->model, *surface, session.console.Part(0));
+  if (!mesh) return Fail("{}: {}", options.views.views, mesh.error().message);
+  session.console.End();
+  session.figures.Set("mesh", MeshFigures(*mesh));
+  if (Status status = WriteMesh(*mesh, options.out); !status) return status;
+  fmt::print("{}: {} views, voxel {:.3g} mm, {} vertices, {} faces\n", options.out,
+             saved->model.ViewIds().size(), saved->model.config().voxel_m * 1e3,
+             mesh->vertices.size(), mesh->faces.size());
+  return {};
+}
+
 Status Fuse(const FuseOptions& options, Session& session) {
   if (Status status = CheckOutputFile(options.out, {".ply", ".stl", ".obj"}); !status) {
     return status;
+  }
+  if (IsModel(options.views.views)) return ExtractSaved(options, session);
+  if (!options.model.empty()) {
+    if (Status status = CheckOutputFile(options.model, {".vdb"}); !status) return status;
   }
   session.AdoptSettings(options.views.views);
   const auto config = LoadFuseConfig(session, options.voxel_m);
@@ -42,6 +81,9 @@ Status Fuse(const FuseOptions& options, Session& session) {
   const auto mesh = FuseToMesh(*views, *config, session);
   if (!mesh) return Fail("{}: {}", options.views.views, mesh.error().message);
   if (Status status = WriteMesh(mesh->mesh, options.out); !status) return status;
+  if (!options.model.empty()) {
+    if (Status status = SaveModel(mesh->model, options.model); !status) return status;
+  }
   fmt::print("{}: {}\n", options.out, FusionSummary(*mesh));
   return {};
 }

@@ -81,7 +81,8 @@ Result<FusedMesh> FuseToMesh(const std::vector<View>& views, const FuseConfig& c
   session.console.End();
   session.figures.Set("fusion", FusionStageFigures(fused->figures, fusion.voxel_m));
   session.figures.Set("mesh", MeshFigures(fused->mesh));
-  return FusedMesh{std::move(fused->mesh), std::move(fused->figures), fusion.voxel_m};
+  return FusedMesh{std::move(fused->model), std::move(fused->mesh), std::move(fused->figures),
+                   fusion.voxel_m};
 }
 
 std::string FusionSummary(const FusedMesh& fused) {

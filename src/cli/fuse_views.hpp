@@ -25,6 +25,7 @@ struct FuseConfig {
 
 /// A mesh and how it came about.
 struct FusedMesh {
+  ImplicitModel model;
   Mesh mesh;
   FusionFigures figures;
   double voxel_m = 0.0;

@@ -16,6 +16,8 @@ namespace {
 
 constexpr const char* kFormatKey = "fringe_fusion.format";
 constexpr const char* kFormat = "implicit_model 1";
+constexpr const char* kScanKey = "fringe_fusion.scan_id";
+constexpr const char* kRevisionKey = "fringe_fusion.pose_revision";
 constexpr const char* kConfigPrefix = "fringe_fusion.fusion.";
 constexpr const char* kViewPrefix = "fringe_fusion.view.";
 
@@ -71,9 +73,11 @@ openvdb::GridPtrVec MakeGrids(const ImplicitModel& model) {
   return {distance, sigma};
 }
 
-openvdb::MetaMap MakeMetadata(const ImplicitModel& model) {
+openvdb::MetaMap MakeMetadata(const ImplicitModel& model, const ModelOrigin& origin) {
   openvdb::MetaMap metadata;
   metadata.insertMeta(kFormatKey, openvdb::StringMetadata(kFormat));
+  metadata.insertMeta(kScanKey, openvdb::StringMetadata(origin.scan_id));
+  metadata.insertMeta(kRevisionKey, openvdb::Int64Metadata(origin.pose_revision));
   FusionConfig config = model.config();
   config.Visit(PutSettings{metadata});
   for (const auto& [id, view] : model.impl().views) {
@@ -99,12 +103,12 @@ Result<openvdb::MetaMap> ReadMetadata(const std::string& path) {
 
 }  // namespace
 
-Status SaveModel(const ImplicitModel& model, const std::string& path) {
+Status SaveModel(const ImplicitModel& model, const std::string& path, const ModelOrigin& origin) {
   return WriteAtomically(path, [&](std::ostream& out) -> Status {
     try {
       openvdb::initialize();
       const openvdb::io::Stream stream(out);
-      stream.write(MakeGrids(model), MakeMetadata(model));
+      stream.write(MakeGrids(model), MakeMetadata(model, origin));
     } catch (const std::exception& error) {
       return Fail("{}: {}", path, error.what());
     }
@@ -112,7 +116,7 @@ Status SaveModel(const ImplicitModel& model, const std::string& path) {
   });
 }
 
-Result<ImplicitModel> LoadModel(const std::string& path, const Progress& progress) {
+Result<SavedModel> LoadModel(const std::string& path, const Progress& progress) {
   const Result<openvdb::MetaMap> metadata = ReadMetadata(path);
   if (!metadata) return Forward(metadata);
   const auto format = metadata->getMetadata<openvdb::StringMetadata>(kFormatKey);
@@ -120,6 +124,9 @@ Result<ImplicitModel> LoadModel(const std::string& path, const Progress& progres
     return Fail("{}: is no model of this program: {} is '{}', must be '{}'", path, kFormatKey,
                 format ? format->value() : "", kFormat);
   }
+  const auto scan_id = metadata->getMetadata<openvdb::StringMetadata>(kScanKey);
+  const auto revision = metadata->getMetadata<openvdb::Int64Metadata>(kRevisionKey);
+  if (!scan_id || !revision) return Fail("{}: does not say of which scan it is", path);
   FusionConfig config;
   GetSettings settings{*metadata, {}};
   config.Visit(settings);
@@ -135,7 +142,8 @@ Result<ImplicitModel> LoadModel(const std::string& path, const Progress& progres
   }
   Result<ImplicitModel> model = ImplicitModel::FromSamples(config, std::move(views), progress);
   if (!model) return Fail("{}: {}", path, model.error().message);
-  return model;
+  return SavedModel{std::move(*model),
+                    {scan_id->value(), static_cast<std::uint32_t>(revision->value())}};
 }
 
 }  // namespace fringe_fusion

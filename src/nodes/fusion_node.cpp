@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/marker_messages.hpp"
@@ -65,6 +66,8 @@ FusionNode::FusionNode(ros::NodeHandle nh, ros::NodeHandle private_nh, FusionNod
   integrate_server_ = nh_.advertiseService("integrate_view", &FusionNode::OnIntegrate, this);
   extract_server_ = nh_.advertiseService("extract_mesh", &FusionNode::OnExtract, this);
   query_server_ = nh_.advertiseService("query_distance", &FusionNode::OnQuery, this);
+  save_server_ = nh_.advertiseService("save_model", &FusionNode::OnSave, this);
+  load_server_ = nh_.advertiseService("load_model", &FusionNode::OnLoad, this);
   reset_server_ = private_nh.advertiseService("reset", &FusionNode::OnReset, this);
   poses_subscriber_ =
       nh_.subscribe<ViewPoses>("view_poses", 4, [this](const ViewPoses::ConstPtr& message) {
@@ -227,6 +230,37 @@ bool FusionNode::OnQuery(QueryDistance::Request& request, QueryDistance::Respons
     response.sigma.push_back(static_cast<double>(sample.sigma));
   }
   response.success = 1;
+  return true;
+}
+
+bool FusionNode::OnSave(WriteModel::Request& request, WriteModel::Response& response) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const Status status =
+      SaveModel(model_.model(), request.path, {model_.scan_id(), model_.revision()});
+  response.success = static_cast<std::uint8_t>(status.has_value());
+  if (!status) {
+    response.message = status.error().message;
+    ROS_ERROR("the model is not saved: %s", response.message.c_str());
+  }
+  response.num_views = static_cast<std::uint32_t>(model_.ViewIds().size());
+  return true;
+}
+
+bool FusionNode::OnLoad(ReadModel::Request& request, ReadModel::Response& response) {
+  Result<SavedModel> saved = LoadModel(request.path);
+  response.success = static_cast<std::uint8_t>(saved.has_value());
+  if (!saved) {
+    response.message = saved.error().message;
+    ROS_ERROR("no model is loaded: %s", response.message.c_str());
+    return true;
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  model_.Adopt(std::move(*saved));
+  response.scan_id = model_.scan_id();
+  response.num_views = static_cast<std::uint32_t>(model_.ViewIds().size());
+  PublishState();
+  PublishPreview();
+  model_changed_.notify_all();
   return true;
 }
 

@@ -4,7 +4,9 @@
 #include <fringe_fusion/IntegrateView.h>
 #include <fringe_fusion/QueryDistance.h>
 #include <fringe_fusion/RangeView.h>
+#include <fringe_fusion/ReadModel.h>
 #include <fringe_fusion/ViewPoses.h>
+#include <fringe_fusion/WriteModel.h>
 #include <ros/node_handle.h>
 #include <std_srvs/Trigger.h>
 
@@ -50,6 +52,8 @@ class FusionNode {
   bool OnIntegrate(IntegrateView::Request& request, IntegrateView::Response& response);
   bool OnExtract(ExtractSurface::Request& request, ExtractSurface::Response& response);
   bool OnQuery(QueryDistance::Request& request, QueryDistance::Response& response);
+  bool OnSave(WriteModel::Request& request, WriteModel::Response& response);
+  bool OnLoad(ReadModel::Request& request, ReadModel::Response& response);
   bool OnReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
 
   /// Adds a view and says so on view_status.
@@ -83,6 +87,8 @@ class FusionNode {
   ros::ServiceServer integrate_server_;
   ros::ServiceServer extract_server_;
   ros::ServiceServer query_server_;
+  ros::ServiceServer save_server_;
+  ros::ServiceServer load_server_;
   ros::ServiceServer reset_server_;
   ros::Subscriber poses_subscriber_;
   ros::Subscriber view_subscriber_;

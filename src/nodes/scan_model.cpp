@@ -1,5 +1,6 @@
 #include "nodes/scan_model.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace fringe_fusion::nodes {
@@ -26,9 +27,17 @@ Status ScanModel::Reset(const std::string& scan_id) {
   return {};
 }
 
+void ScanModel::Adopt(SavedModel saved) {
+  model_ = std::move(saved.model);
+  entries_.clear();
+  solved_.clear();
+  revision_ = saved.origin.pose_revision;
+  scan_id_ = saved.origin.scan_id;
+}
+
 Result<ScanModel::Counts> ScanModel::Integrate(View view) {
   const int id = view.id;
-  if (entries_.count(id) > 0) {
+  if (Holds(id)) {
     if (Status status = model_.RemoveView(id); !status) {
       return tl::unexpected<Error>(status.error());
     }
@@ -46,7 +55,15 @@ Status ScanModel::Repose(const std::vector<RegisteredView>& poses, std::uint32_t
   for (const RegisteredView& registered : poses) {
     solved_[registered.id] = registered.pose;
     const auto found = entries_.find(registered.id);
-    if (found == entries_.end()) continue;
+    if (found == entries_.end()) {
+      if (Holds(registered.id) && first_failure) {
+        first_failure = Fail(
+            "view {} came with a saved model and keeps its pose until it is "
+            "integrated again",
+            registered.id);
+      }
+      continue;
+    }
     Entry& entry = found->second;
     const bool same =
         entry.view.pose.T_object_camera.matrix() == registered.pose.T_object_camera.matrix() &&
@@ -64,6 +81,11 @@ Status ScanModel::Repose(const std::vector<RegisteredView>& poses, std::uint32_t
   return first_failure;
 }
 
+bool ScanModel::Holds(int view_id) const {
+  const std::vector<int> ids = model_.ViewIds();
+  return std::binary_search(ids.begin(), ids.end(), view_id);
+}
+
 Status ScanModel::Rebuild(Entry& entry) {
   const Result<CropResult> cropped = CropView(entry.view, configs_.crop);
   if (!cropped) return tl::unexpected<Error>(cropped.error());
@@ -75,12 +97,6 @@ Status ScanModel::Rebuild(Entry& entry) {
                 entry.view.id, entry.counts.num_dropped);
   }
   return model_.AddView(cropped->view);
-}
-
-std::vector<int> ScanModel::ViewIds() const {
-  std::vector<int> ids;
-  for (const auto& entry : entries_) ids.push_back(entry.first);
-  return ids;
 }
 
 ScanModel::Counts ScanModel::TotalCounts() const {

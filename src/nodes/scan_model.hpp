@@ -7,6 +7,7 @@
 
 #include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/fusion/implicit_model.hpp"
+#include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/planning/occupancy_map.hpp"
 #include "fringe_fusion/registration/register_views.hpp"
 
@@ -33,12 +34,15 @@ class ScanModel {
   /// Adds a view, or replaces the one of the same id. Poses solved before for its id prevail.
   /// @return error when the view is refused; the model then lacks it.
   [[nodiscard]] Result<Counts> Integrate(View view);
+  /// Goes on from a model that was saved; its views are known by their ids alone.
+  void Adopt(SavedModel saved);
   /// Poses all views of `poses` anew, now or when they come.
+  /// @return error naming a view that cannot be: refused at its pose, or known by its id alone.
   [[nodiscard]] Status Repose(const std::vector<RegisteredView>& poses, std::uint32_t revision);
 
   [[nodiscard]] const std::string& scan_id() const { return scan_id_; }
   [[nodiscard]] std::uint32_t revision() const { return revision_; }
-  [[nodiscard]] std::vector<int> ViewIds() const;
+  [[nodiscard]] std::vector<int> ViewIds() const { return model_.ViewIds(); }
   [[nodiscard]] Counts TotalCounts() const;
   [[nodiscard]] const ImplicitModel& model() const { return model_; }
   /// Free and occupied space of the views at their present poses.
@@ -51,6 +55,7 @@ class ScanModel {
   };
   ScanModel(const Configs& configs, ImplicitModel model);
   [[nodiscard]] Status Rebuild(Entry& entry);
+  [[nodiscard]] bool Holds(int view_id) const;
 
   Configs configs_;
   std::string scan_id_;

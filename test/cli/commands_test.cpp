@@ -147,6 +147,18 @@ TEST_F(Commands, FuseMakesAMeshNearTheTruth) {
   }
 }
 
+TEST_F(Commands, FuseSavesAModelThatGivesTheMeshAgain) {
+  ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("one.ply"), "--model",
+                           Path("one.vdb"), "--config", Path("config")}));
+  ExpectSuccess(RunFringe(
+      {"fuse", "--views", Path("one.vdb"), "--out", Path("two.ply"), "--config", Path("config")}));
+  EXPECT_EQ(ReadBytes(Path("one.ply")), ReadBytes(Path("two.ply")));
+  const Outcome refused = RunFringe(
+      {"fuse", "--views", Path("one.vdb"), "--out", Path("three.ply"), "--voxel", "0.001"});
+  EXPECT_NE(refused.exit_status, 0);
+  EXPECT_NE(refused.err.find("--voxel and --model do not apply"), std::string::npos) << refused.err;
+}
+
 TEST_F(Commands, InspectReadsMillimetres) {
   Mesh square;
   square.vertices = {{0, 0, 0}, {0.1F, 0, 0}, {0.1F, 0.1F, 0}, {0, 0.1F, 0}};

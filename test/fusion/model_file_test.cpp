@@ -32,9 +32,12 @@ TEST(ModelFile, ComesBackAsItWas) {
   const View late = views.back();
   views.pop_back();
   ImplicitModel model = Fuse(views);
-  ASSERT_TRUE(SaveModel(model, path));
-  Result<ImplicitModel> loaded = LoadModel(path);
-  ASSERT_TRUE(loaded) << loaded.error().message;
+  ASSERT_TRUE(SaveModel(model, path, {"part 7", 3}));
+  Result<SavedModel> saved = LoadModel(path);
+  ASSERT_TRUE(saved) << saved.error().message;
+  EXPECT_EQ(saved->origin.scan_id, "part 7");
+  EXPECT_EQ(saved->origin.pose_revision, 3U);
+  ImplicitModel* loaded = &saved->model;
   EXPECT_EQ(loaded->ViewIds(), model.ViewIds());
   EXPECT_EQ(testing::Dump(*loaded), testing::Dump(model));
   // Work goes on where it stopped.
@@ -50,10 +53,10 @@ TEST(ModelFile, AnEmptyModelComesBackToo) {
   config.voxel_m = 2e-3;
   const Result<ImplicitModel> model = ImplicitModel::Create(config);
   ASSERT_TRUE(model && SaveModel(*model, path));
-  const Result<ImplicitModel> loaded = LoadModel(path);
+  const Result<SavedModel> loaded = LoadModel(path);
   ASSERT_TRUE(loaded) << loaded.error().message;
-  EXPECT_EQ(loaded->NumBlocks(), 0U);
-  EXPECT_EQ(loaded->config().voxel_m, 2e-3);
+  EXPECT_EQ(loaded->model.NumBlocks(), 0U);
+  EXPECT_EQ(loaded->model.config().voxel_m, 2e-3);
 }
 
 TEST(ModelFile, RefusesWhatIsNoWholeModel) {
@@ -75,7 +78,7 @@ TEST(ModelFile, RefusesWhatIsNoWholeModel) {
   std::string changed = *bytes;
   // Well inside the samples of the first view.
   changed[changed.size() / 4] = static_cast<char>(changed[changed.size() / 4] ^ 1);
-  const Result<ImplicitModel> damaged = load(changed);
+  const Result<SavedModel> damaged = load(changed);
   ASSERT_FALSE(damaged);
   EXPECT_NE(damaged.error().message.find("model.vdb"), std::string::npos);
 }

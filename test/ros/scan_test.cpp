@@ -1,8 +1,11 @@
 // A turntable scan through scan_object: the mesh against truth, and the same mesh from its bag.
 #include <fringe_fusion/ExtractSurface.h>
 #include <fringe_fusion/OptimizeViews.h>
+#include <fringe_fusion/ReadModel.h>
+#include <fringe_fusion/WriteModel.h>
 #include <gtest/gtest.h>
 #include <ros/ros.h>
+#include <std_srvs/Trigger.h>
 
 #include <memory>
 
@@ -112,6 +115,37 @@ TEST_F(Scan, ReplayOfTheBagGivesTheSameBytes) {
   EXPECT_GT(live->size(), 100000U);
   EXPECT_TRUE(*live == *replayed) << "mesh of the live scan: " << live->size()
                                   << " bytes, of the replay: " << replayed->size();
+}
+
+TEST_F(Scan, ASavedModelGoesOnInAnotherNode) {
+  const ros::NodeHandle nh;
+  const ros::NodeHandle other("/replay");
+  WriteModel::Request write;
+  write.path = *folder_ / "model.vdb";
+  const auto saved = ros_io::CallService<WriteModel>(nh, "save_model", write, 60.0);
+  ASSERT_TRUE(saved) << saved.error().message;
+  EXPECT_EQ(saved->num_views, kNumViews);
+  ASSERT_TRUE(ros_io::CallService<std_srvs::Trigger>(other, "fusion_node/reset",
+                                                     std_srvs::Trigger::Request(), 10.0));
+  ReadModel::Request read;
+  read.path = write.path;
+  const auto loaded = ros_io::CallService<ReadModel>(other, "load_model", read, 60.0);
+  ASSERT_TRUE(loaded) << loaded.error().message;
+  EXPECT_EQ(loaded->scan_id, "rostest");
+  // What cannot be read leaves the model as it is.
+  read.path = *folder_ / "absent.vdb";
+  const auto absent = ros_io::CallService<ReadModel>(other, "load_model", read, 60.0);
+  ASSERT_FALSE(absent);
+  EXPECT_NE(absent.error().message.find("absent.vdb"), std::string::npos) << absent.error().message;
+  ExtractSurface::Request extract;
+  extract.path = *folder_ / "loaded.ply";
+  extract.num_views = kNumViews;
+  const auto surface = ros_io::CallService<ExtractSurface>(other, "extract_mesh", extract, 60.0);
+  ASSERT_TRUE(surface) << surface.error().message;
+  const Result<std::string> live = ReadFile(*folder_ / "mesh.ply");
+  const Result<std::string> again = ReadFile(extract.path);
+  ASSERT_TRUE(live && again);
+  EXPECT_TRUE(*live == *again);
 }
 
 }  // namespace
