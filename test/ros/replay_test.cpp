@@ -30,7 +30,7 @@ std::string Replay(const std::string& mesh_path) {
     if (!reset) return reset.error().message;
   }
   test::Process player(
-      {"rosrun", "rosbag", "play", "-q", "--wait-for-subscribers", "--rate=3", kBag});
+      {"rosrun", "rosbag", "play", "-q", "--delay=3", "--wait-for-subscribers", "--rate=3", kBag});
   OptimizeViews::Request optimize;
   optimize.num_views = kNumViews;
   optimize.timeout = ros::Duration(40.0);

@@ -94,7 +94,8 @@ TEST_F(Scan, LeavesPosesAndFigures) {
 }
 
 TEST_F(Scan, ReplayOfTheBagGivesTheSameBytes) {
-  test::Process player({"rosrun", "rosbag", "play", "-q", "--prefix=/replay",
+  // The delay: the player waits for one subscriber of tf, but two nodes need it from the start.
+  test::Process player({"rosrun", "rosbag", "play", "-q", "--prefix=/replay", "--delay=3",
                         "--wait-for-subscribers", "--rate=4", *folder_ / "scan.bag"});
   const ros::NodeHandle nh("/replay");
   OptimizeViews::Request optimize;
