@@ -9,7 +9,10 @@
 namespace fringe_fusion {
 namespace {
 
-/// One station by itself: pose with unit baseline, depths of its tracks in that unit.
+constexpr double kRejectSigma = 5.0;
+
+/// One station by itself: pose with unit baseline, depths of its tracks in that unit; sightings
+/// that miss their epipolar line have none.
 struct SoloStation {
   Transform T_station_anchor = Transform::Identity();
   std::map<int, double> depth;  ///< by track
@@ -34,10 +37,13 @@ Result<SoloStation> SolveAlone(const TrackSet& tracks, int station,
   solo.T_station_anchor = pose->T_observed_anchor;
   const epipolar::Geometry geometry{solo.T_station_anchor.linear(),
                                     solo.T_station_anchor.translation()};
+  std::vector<epipolar::Ray> rays;
+  for (const Match& match : matches) rays.push_back(epipolar::MakeRay(match, tracks.devices));
+  const Eigen::Matrix3d essential = geometry.Essential();
+  const double limit = kRejectSigma * epipolar::RobustScale(rays, essential);
   for (std::size_t i = 0; i < matches.size(); ++i) {
-    epipolar::Ray ray;
-    ray.anchor = Undistort(tracks.devices.anchor, matches[i].anchor_px);
-    ray.observed = Undistort(tracks.devices.observed, matches[i].observed_px);
+    const epipolar::Ray& ray = rays[i];
+    if (!(std::abs(epipolar::Residual(ray, essential)) <= limit)) continue;
     const double depth = epipolar::Depths(ray, geometry)[0];
     if (depth > 0.0 && std::isfinite(depth)) solo.depth[ids[i]] = depth;
   }
@@ -90,6 +96,43 @@ Result<std::vector<double>> ChainScales(const std::vector<SoloStation>& solo, in
   return scale;
 }
 
+/// Of the depths that single stations give a track, the one that most sightings agree with: a code
+/// that is false along the epipolar line shows in no station by itself.
+std::vector<double> ChooseDepths(const TrackSet& tracks,
+                                 const std::vector<Transform>& T_station_anchor,
+                                 const std::vector<std::vector<double>>& candidates) {
+  constexpr double kFarPx = 5.0;  // a start is off by pixels where the focal lengths are
+  std::vector<double> chosen(candidates.size(), std::numeric_limits<double>::quiet_NaN());
+  std::size_t first = 0;
+  for (std::size_t track = 0; track < candidates.size(); ++track) {
+    std::size_t end = first;
+    while (end < tracks.observations.size() &&
+           tracks.observations[end].track == static_cast<int>(track)) {
+      ++end;
+    }
+    const Eigen::Vector3d ray =
+        Undistort(tracks.devices.anchor, tracks.anchor_px[track]).homogeneous();
+    double best = std::numeric_limits<double>::infinity();
+    for (const double depth : candidates[track]) {
+      double cost = 0.0;
+      for (std::size_t k = first; k < end; ++k) {
+        const TrackObservation& seen = tracks.observations[k];
+        const Eigen::Vector3d point =
+            T_station_anchor[static_cast<std::size_t>(seen.station)] * (depth * ray);
+        const double distance = (Project(tracks.devices.observed, point) - seen.pixel).norm();
+        // Not finite behind a device: such a depth is none.
+        cost += std::isfinite(distance) ? std::min(distance, kFarPx) : 1e6;
+      }
+      if (cost < best && cost < 1e6) {
+        best = cost;
+        chosen[track] = depth;
+      }
+    }
+    first = end;
+  }
+  return chosen;
+}
+
 }  // namespace
 
 Result<StationsStart> StartStations(const TrackSet& tracks, double baseline_m,
@@ -104,19 +147,17 @@ Result<StationsStart> StartStations(const TrackSet& tracks, double baseline_m,
   const Result<std::vector<double>> scales = ChainScales(solo, config.min_tracks);
   if (!scales) return Forward(scales);
   StationsStart start;
-  std::vector<std::vector<double>> depths(tracks.anchor_px.size());
+  std::vector<std::vector<double>> candidates(tracks.anchor_px.size());
   for (std::size_t i = 0; i < solo.size(); ++i) {
     const double scale_m = baseline_m * (*scales)[i];
     Transform T = solo[i].T_station_anchor;
     T.translation() *= scale_m;
     start.T_station_anchor.push_back(T);
     for (const auto& [track, depth] : solo[i].depth) {
-      depths[static_cast<std::size_t>(track)].push_back(scale_m * depth);
+      candidates[static_cast<std::size_t>(track)].push_back(scale_m * depth);
     }
   }
-  for (std::vector<double>& depth : depths) {
-    start.depth_m.push_back(epipolar::MedianInPlace(depth));
-  }
+  start.depth_m = ChooseDepths(tracks, start.T_station_anchor, candidates);
   return start;
 }
 

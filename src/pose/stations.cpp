@@ -82,12 +82,10 @@ bool IsHeld(const IntrinsicsPrior& prior) {
 /// Poses first, then everything that is free, with the robust scale of the poses.
 Status Descend(Bundle& bundle, BundleState& state, const StationsConfig& config,
                StationsSolution& solution) {
-  constexpr int kRounds = 2;
-  constexpr double kRejectSigma = 5.0;
-  for (int round = 0; round < kRounds; ++round) {
+  // First without sightings that are far off at the start: together they would pull it away.
+  for (const double reject_sigma : {20.0, 5.0}) {
     bundle.SetScale(bundle.RobustScale(state));
-    // First every sighting pulls, at last those that fit.
-    if (round > 0) bundle.SetRejection(kRejectSigma);
+    bundle.SetRejection(reject_sigma);
     const int iterations = bundle.Solve(state, config.max_iterations);
     if (iterations < 0) {
       return Fail(

@@ -2,7 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
+#include <utility>
 
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/pose/stations.hpp"
@@ -227,6 +229,38 @@ Result<TrackSet> TracksOfCamera(const std::vector<PhaseMap>& maps, const CellCal
   tracks.devices = {nominal.camera, nominal.projector};
   tracks.num_stations = static_cast<int>(maps.size());
   return tracks;
+}
+
+Result<TrackSet> MergeTracks(const std::vector<TrackSet>& parts) {
+  if (parts.empty()) return Fail("stations: no station");
+  const DevicePair& devices = parts.front().devices;
+  // By row, then column: the order of the grid that the tracks came from.
+  std::map<std::pair<double, double>, std::vector<TrackObservation>> by_anchor;
+  int num_stations = 0;
+  for (const TrackSet& part : parts) {
+    for (const auto& [ours, theirs] : {std::pair(devices.anchor, part.devices.anchor),
+                                       std::pair(devices.observed, part.devices.observed)}) {
+      if (ours.width == theirs.width && ours.height == theirs.height) continue;
+      return Fail("stations: a device of station {} has {} x {} px, that of station 0 {} x {}",
+                  num_stations, theirs.width, theirs.height, ours.width, ours.height);
+    }
+    for (TrackObservation seen : part.observations) {
+      const Eigen::Vector2d& anchor = part.anchor_px[static_cast<std::size_t>(seen.track)];
+      seen.station += num_stations;
+      by_anchor[{anchor.y(), anchor.x()}].push_back(seen);
+    }
+    num_stations += part.num_stations;
+  }
+  std::vector<Eigen::Vector2d> anchors;
+  std::vector<std::vector<TrackObservation>> observations;
+  for (auto& [anchor, seen] : by_anchor) {
+    anchors.emplace_back(anchor.second, anchor.first);
+    observations.push_back(std::move(seen));
+  }
+  TrackSet merged = Collect(anchors, observations);
+  merged.devices = devices;
+  merged.num_stations = num_stations;
+  return merged;
 }
 
 }  // namespace fringe_fusion

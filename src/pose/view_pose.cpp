@@ -120,8 +120,29 @@ double ScaleOf(std::vector<double> magnitudes) {
 
 }  // namespace
 
-Result<ViewPose> EstimateViewPose(const std::vector<LitPoint>& points, const CameraModel& projector,
-                                  const EpipolarConfig& config) {
+std::vector<LitPoint> MakeLitPoints(const RangeImage& range, const std::vector<Match>& matches) {
+  std::vector<LitPoint> lit;
+  for (const Match& match : matches) {
+    const int x = static_cast<int>(std::lround(match.anchor_px.x()));
+    const int y = static_cast<int>(std::lround(match.anchor_px.y()));
+    if (!range.points.Contains(x, y) || !IsValid(range, x, y)) continue;
+    LitPoint point;
+    point.point_rig = range.points(x, y).cast<double>();
+    const Eigen::Vector3d ray =
+        DirectionToCamera(range.line_of_sight, range.points(x, y)).cast<double>();
+    const double along = std::pow(static_cast<double>(range.sigma_range(x, y)), 2);
+    const double across = std::pow(static_cast<double>(range.sigma_lateral(x, y)), 2);
+    point.covariance_m2 =
+        across * Eigen::Matrix3d::Identity() + (along - across) * ray * ray.transpose();
+    point.projector_px = match.observed_px;
+    point.covariance_px2 = match.covariance_px2;
+    lit.push_back(point);
+  }
+  return lit;
+}
+
+Result<RigPose> EstimateViewPose(const std::vector<LitPoint>& points, const CameraModel& projector,
+                                 const EpipolarConfig& config) {
   constexpr int kMaxIterations = 50;
   constexpr double kRejectSigma = 4.0;
   if (Status status = Validate(config); !status) return Forward(status);
@@ -159,7 +180,7 @@ Result<ViewPose> EstimateViewPose(const std::vector<LitPoint>& points, const Cam
     return Fail("view pose: the points do not determine a pose (condition {:.2g}, limit {:.2g})",
                 condition, config.max_condition);
   }
-  ViewPose out;
+  RigPose out;
   out.T_projector_rig = T;
   out.num_points = static_cast<int>(points.size());
   out.num_inliers = sums.num_inliers;

@@ -61,6 +61,29 @@ TEST(SolveStations, CalibratesFromFourRolledStations) {
   EXPECT_NEAR(result->devices.observed.distortion[0], -0.1, 4.0 * result->sigma_intrinsics[7]);
 }
 
+TEST(SolveStations, SurvivesAThirdOfFalseSightingsOfOneStation) {
+  for (const int num_stations : {2, 3, 4}) {
+    for (const Eigen::Vector2d& shift : {Eigen::Vector2d(40.0, 0.0), {0.0, 25.0}, {-9.0, 7.0}}) {
+      const StationScene scene = MakeStationScene(num_stations, 90.0);
+      TrackSet tracks = MakeTracks(scene, 24, 18, 0.08, 21);
+      for (TrackObservation& seen : tracks.observations) {
+        if (seen.station == 1 && seen.track % 3 == 0) seen.pixel += shift;
+      }
+      const auto result = SolveStations(tracks, {}, {}, testing::BaselineOf(scene), {}, {});
+      ASSERT_TRUE(result) << result.error().message;
+      for (std::size_t i = 0; i < scene.T_station_anchor.size(); ++i) {
+        const Vector6d error =
+            Log(result->T_station_anchor[i].inverse() * scene.T_station_anchor[i]);
+        // Clean tracks leave about 0.004 deg and 0.03 mm.
+        EXPECT_LT(error.head<3>().norm(), 0.03 * M_PI / 180.0)
+            << num_stations << " stations, shift " << shift.transpose() << ", station " << i;
+        EXPECT_LT(error.tail<3>().norm(), 0.3e-3)
+            << num_stations << " stations, shift " << shift.transpose() << ", station " << i;
+      }
+    }
+  }
+}
+
 TEST(SolveStations, RefusalsNameTheCause) {
   const StationScene scene = MakeStationScene(2, 0.0);
   const TrackSet good = MakeTracks(scene, 24, 18, 0.08, 3);
@@ -129,6 +152,34 @@ TEST(TracksOfCamera, TakesTheCodesAsTheyAre) {
   EXPECT_FALSE(TracksOfCamera({phase}, cell, {}));
   EXPECT_FALSE(TracksOfProjector({phase}, cell, {}));
   EXPECT_FALSE(TracksOfProjector({}, cell, {}));
+}
+
+TEST(MergeTracks, GivesTheTracksOfAllMapsTogether) {
+  const CellCalibration cell = test::MakeScanner();
+  StationsConfig config;
+  config.track_step_px = 6;
+  const PhaseMap near =
+      test::MakeView(cell, test::PlaneDepth(Eigen::Vector3d::UnitZ(), 0.5), {0.02, 0.02}, 1).phase;
+  const PhaseMap far =
+      test::MakeView(cell, test::PlaneDepth(Eigen::Vector3d::UnitZ(), 0.55), {0.02, 0.02}, 2).phase;
+  const auto together = TracksOfProjector({near, far}, cell, config);
+  const auto one = TracksOfProjector({near}, cell, config);
+  const auto two = TracksOfProjector({far}, cell, config);
+  ASSERT_TRUE(together && one && two);
+  const auto merged = MergeTracks({*one, *two});
+  ASSERT_TRUE(merged) << merged.error().message;
+  EXPECT_EQ(merged->num_stations, 2);
+  EXPECT_EQ(merged->anchor_px, together->anchor_px);
+  ASSERT_EQ(merged->observations.size(), together->observations.size());
+  for (std::size_t i = 0; i < merged->observations.size(); ++i) {
+    EXPECT_EQ(merged->observations[i].track, together->observations[i].track);
+    EXPECT_EQ(merged->observations[i].station, together->observations[i].station);
+    EXPECT_EQ(merged->observations[i].pixel, together->observations[i].pixel);
+  }
+  EXPECT_FALSE(MergeTracks({}));
+  TrackSet other = *two;
+  other.devices.observed.width += 1;
+  EXPECT_FALSE(MergeTracks({*one, other}));
 }
 
 TEST(StationsConfig, FileEqualsTheDefaults) {

@@ -55,6 +55,28 @@ TEST(EstimateViewPose, StatesItsErrorTruly) {
   EXPECT_LT(nees, 1.27);
 }
 
+TEST(MakeLitPoints, TakesThePointAtEachCameraPixel) {
+  RangeImage range = MakeRangeImage(4, 3);
+  range.points(2, 1) = {0.03F, 0.04F, 0.5F};
+  range.normals(2, 1) = -Eigen::Vector3f::UnitZ();
+  range.sigma_range(2, 1) = 3e-4F;
+  range.sigma_lateral(2, 1) = 1e-4F;
+  Match match;
+  match.observed_px = {100.0, 50.0};
+  std::vector<Match> matches;
+  for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(2, 1), {0, 0}, {-1, 1}, {4, 2}}) {
+    match.anchor_px = pixel;
+    matches.push_back(match);
+  }
+  const std::vector<LitPoint> lit = MakeLitPoints(range, matches);
+  ASSERT_EQ(lit.size(), 1U) << "no point at one pixel, two outside";
+  EXPECT_EQ(lit[0].projector_px, match.observed_px);
+  const Eigen::Vector3d ray = lit[0].point_rig.normalized();
+  EXPECT_NEAR(std::sqrt(ray.dot(lit[0].covariance_m2 * ray)), 3e-4, 1e-9);
+  const Eigen::Vector3d across = ray.cross(Eigen::Vector3d::UnitX()).normalized();
+  EXPECT_NEAR(std::sqrt(across.dot(lit[0].covariance_m2 * across)), 1e-4, 1e-9);
+}
+
 // science 3.6: 2500 points, 0.1 px, 950 mm: rotation 0.0037 deg, translation 0.008 mm.
 TEST(EstimateViewPose, SurvivesOutliers) {
   auto points = Lit(FarProjector(), 30, 7);

@@ -74,6 +74,12 @@ struct TrackSet {
                                               const CellCalibration& nominal,
                                               const StationsConfig& config);
 
+/// Joins track sets of single stations, which keep their order: equal anchor pixels are one track.
+/// Large maps need not be in memory together.
+/// @param parts made with the same devices and settings. @return error when there is none, or when
+/// their devices differ in size.
+[[nodiscard]] Result<TrackSet> MergeTracks(const std::vector<TrackSet>& parts);
+
 /// Solution of all stations together.
 struct StationsSolution {
   DevicePair devices;  ///< with the intrinsics found

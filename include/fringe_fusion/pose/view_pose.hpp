@@ -5,6 +5,8 @@
 #include "fringe_fusion/geometry/camera_model.hpp"
 #include "fringe_fusion/geometry/transform.hpp"
 #include "fringe_fusion/pose/epipolar_config.hpp"
+#include "fringe_fusion/pose/match.hpp"
+#include "fringe_fusion/triangulation/range_image.hpp"
 
 namespace fringe_fusion {
 
@@ -16,8 +18,14 @@ struct LitPoint {
   Eigen::Matrix2d covariance_px2 = Eigen::Matrix2d::Identity();  ///< of the code
 };
 
+/// Points of a range image at the camera pixels of matches with a projector at rest.
+/// @param matches anchor = camera that took `range`, observed = projector at rest. Matches outside
+/// the image or without a point are left out.
+[[nodiscard]] std::vector<LitPoint> MakeLitPoints(const RangeImage& range,
+                                                  const std::vector<Match>& matches);
+
 /// Pose of the rig against the projector at rest, metric.
-struct ViewPose {
+struct RigPose {
   Transform T_projector_rig = Transform::Identity();
   Matrix6d covariance = Matrix6d::Zero();  ///< of the right perturbation T Exp(xi)
   int num_points = 0;
@@ -32,8 +40,8 @@ struct ViewPose {
 /// @return error for too few points, values that are not finite, no start, too few inliers, or a
 /// singular system.
 /// Ref: Lepetit et al., "EPnP", IJCV 81, 2009; science 3.6.
-[[nodiscard]] Result<ViewPose> EstimateViewPose(const std::vector<LitPoint>& points,
-                                                const CameraModel& projector,
-                                                const EpipolarConfig& config);
+[[nodiscard]] Result<RigPose> EstimateViewPose(const std::vector<LitPoint>& points,
+                                               const CameraModel& projector,
+                                               const EpipolarConfig& config);
 
 }  // namespace fringe_fusion
