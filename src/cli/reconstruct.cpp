@@ -45,17 +45,19 @@ Status Decode(const ReconstructOptions& options, Session& session) {
   if (!ids) return Forward(ids);
   const ScanFolder target = OutputFolder(*scan, options.out);
   std::vector<Json> figures;
+  PhaseMap last;  // its memory takes the next view
   session.console.Begin("decode", static_cast<int>(ids->size()));
   for (const int id : *ids) {
     const Progress progress = session.console.Part(static_cast<int>(figures.size()));
     const auto stack = ReadStack(*scan, id);
     if (!stack) return Forward(stack);
-    const auto phase = DecodePhase(*stack, *config, progress);
+    auto phase = DecodePhase(*stack, *config, progress, std::move(last));
     if (!phase) return Fail("{}: {}", ViewFolder(*scan, id), phase.error().message);
     const auto folder = NeededFolder::Create(ViewFolder(target, id));
     if (!folder) return Forward(folder);
     if (Status status = WritePhaseMap(target, id, *phase); !status) return status;
     figures.push_back(PhaseFigures(id, *phase));
+    last = std::move(*phase);
   }
   session.console.End();
   session.figures.Set("views", figures);

@@ -116,10 +116,11 @@ void PhaseNode::Process(const ImageStack& stack, const std::string& camera_frame
 Result<int> PhaseNode::Reconstruct(const ImageStack& stack, const std::string& camera_frame) {
   const Result<CellCalibration> calibration = Calibration(camera_frame);
   if (!calibration) return Forward(calibration);
-  const Result<PhaseMap> phase = DecodePhase(stack, configs_.phase);
+  Result<PhaseMap> phase = DecodePhase(stack, configs_.phase, NoProgress, std::move(last_phase_));
   if (!phase) return Forward(phase);
+  last_phase_ = std::move(*phase);
   Result<TriangulationResult> triangulated =
-      Triangulate(*phase, *calibration, configs_.triangulation);
+      Triangulate(last_phase_, *calibration, configs_.triangulation);
   if (!triangulated) return Forward(triangulated);
   const int num_points = CountValid(triangulated->range);
   if (num_points == 0) {
@@ -134,7 +135,7 @@ Result<int> PhaseNode::Reconstruct(const ImageStack& stack, const std::string& c
   context.calibration_id = CalibrationId(*calibration);
   context.camera_frame = camera_frame;
   range_view_publisher_.publish(ros_io::ToMessage(view, context));
-  PublishPictures(*phase, view.range, camera_frame);
+  PublishPictures(last_phase_, view.range, camera_frame);
   return num_points;
 }
 

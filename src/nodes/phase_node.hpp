@@ -57,6 +57,7 @@ class PhaseNode {
                        const std::string& camera_frame);
 
   Configs configs_;
+  PhaseMap last_phase_;  ///< its memory takes the next view
   ros::NodeHandle nh_;
   tf2_ros::Buffer tf_buffer_;
   tf2_ros::TransformListener tf_listener_;

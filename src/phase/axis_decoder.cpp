@@ -10,22 +10,54 @@ namespace {
 constexpr double kTwoPi = 6.28318530717958647692;
 // Log odds of a pixel whose order is not in question.
 constexpr float kCertain = 1e6F;
+// A pixel this close to the end of an axis that repeats may belong to the other end [sigma].
+constexpr float kEndMargin = 3.0F;
+
+// A wrong order has the probability 1 / (1 + exp(log odds)).
+float LeastLogOdds(const PhaseConfig& config) {
+  const double wrong = config.max_wrong_order_ratio;
+  return static_cast<float>(std::log((1.0 - wrong) / wrong));
+}
 
 }  // namespace
 
+NestLevel LevelOf(const AxisPlan& plan, std::size_t set, const PhaseConfig& config) {
+  const double period_px = plan.size_px / plan.sets[set].fringes;
+  const double before_px = set == 0 ? 0.0 : plan.size_px / plan.sets[set - 1].fringes;
+  const double systematic = config.phase_error_rad / kTwoPi * (1.0 + before_px / period_px);
+  NestLevel level;
+  level.period_px = static_cast<float>(period_px);
+  level.period_px2 = static_cast<float>(period_px * period_px);
+  level.inverse_period = static_cast<float>(1.0 / period_px);
+  level.inverse_period2 = static_cast<float>(1.0 / (period_px * period_px));
+  level.systematic2 = static_cast<float>(systematic * systematic);
+  level.max_order_error = static_cast<float>(config.max_order_error_ratio);
+  level.least_log_odds = LeastLogOdds(config);
+  level.farthest2 = static_cast<float>(config.max_level_sigma * config.max_level_sigma);
+  return level;
+}
+
+AxisEnds EndsOf(const AxisPlan& plan) {
+  const bool repeats = !plan.gray && !plan.sets.empty() && plan.sets.front().fringes == 1.0 &&
+                       std::all_of(plan.sets.begin(), plan.sets.end(), [](const PhaseSet& set) {
+                         return set.fringes == std::round(set.fringes);
+                       });
+  AxisEnds ends;
+  ends.size_px = static_cast<float>(plan.size_px);
+  if (repeats) ends.inverse_size = 1.0F / ends.size_px;
+  if (repeats) ends.margin2 = kEndMargin * kEndMargin;
+  return ends;
+}
+
 AxisDecoder::AxisDecoder(const AxisPlan& plan, const DecodeContext& context)
-    : plan_(plan), context_(context), row_(context.stride()) {
+    : plan_(plan),
+      context_(context),
+      least_log_odds_(LeastLogOdds(context.config)),
+      row_(context.stride()) {
   if (plan.gray) gray_.emplace(*plan.gray, context);
   for (const PhaseSet& set : plan.sets) fits_.emplace_back(set, context);
   if (plan.unwrapping == Unwrapping::kJoint) joint_.emplace(plan.sets, plan.size_px, context);
   if (!plan.micro.empty()) micro_.emplace(plan, context);
-  // A wrong order has the probability 1 / (1 + exp(log odds)).
-  const double wrong = context.config.max_wrong_order_ratio;
-  least_log_odds_ = static_cast<float>(std::log((1.0 - wrong) / wrong));
-  repeats_over_size_ = !plan.gray && !plan.sets.empty() && plan.sets.front().fringes == 1.0 &&
-                       std::all_of(plan.sets.begin(), plan.sets.end(), [](const PhaseSet& set) {
-                         return set.fringes == std::round(set.fringes);
-                       });
 }
 
 const AxisRow& AxisDecoder::Run(const FrameRows& rows) {
@@ -94,13 +126,7 @@ void AxisDecoder::Nest(std::size_t set) {
   NestArgs args;
   args.cycles = fit.cycles.data();
   args.variance = fit.variance.data();
-  args.period_px = static_cast<float>(plan_.size_px / plan_.sets[set].fringes);
-  args.period_before_px =
-      set == 0 ? 0.0F : static_cast<float>(plan_.size_px / plan_.sets[set - 1].fringes);
-  args.least_log_odds = least_log_odds_;
-  args.phase_error = static_cast<float>(config.phase_error_rad / kTwoPi);
-  args.max_order_error = static_cast<float>(config.max_order_error_ratio);
-  args.max_level_sigma = static_cast<float>(config.max_level_sigma);
+  args.level = LevelOf(plan_, set, config);
   args.half_px = row_.half_px.data();
   args.coordinate_px = row_.coordinate_px.data();
   args.variance_px2 = row_.variance_px2.data();
@@ -141,8 +167,7 @@ void AxisDecoder::DecodeMicro(const FrameRows& rows) {
 
 void AxisDecoder::Finish() {
   FinishArgs args;
-  args.size_px = static_cast<float>(plan_.size_px);
-  args.repeats = repeats_over_size_;
+  args.ends = EndsOf(plan_);
   args.coordinate_px = row_.coordinate_px.data();
   args.variance_px2 = row_.variance_px2.data();
   args.status = row_.status.data();

@@ -11,6 +11,12 @@
 
 namespace fringe_fusion::decode {
 
+/// How phase set number `set` of an axis joins the estimate of the sets before it.
+[[nodiscard]] NestLevel LevelOf(const AxisPlan& plan, std::size_t set, const PhaseConfig& config);
+
+/// Where an axis ends, and whether its code begins anew there.
+[[nodiscard]] AxisEnds EndsOf(const AxisPlan& plan);
+
 /// Decoded coordinates of one row.
 struct AxisRow {
   explicit AxisRow(std::size_t size)
@@ -53,8 +59,7 @@ class AxisDecoder {
 
   const AxisPlan& plan_;
   DecodeContext context_;
-  float least_log_odds_ = 0.0F;     ///< of a fringe order that is not in doubt
-  bool repeats_over_size_ = false;  ///< every phase repeats after exactly one projector size
+  float least_log_odds_ = 0.0F;  ///< of a fringe order that is not in doubt
   std::optional<GrayFit> gray_;
   std::vector<StepFit> fits_;
   std::optional<JointUnwrap> joint_;

@@ -6,6 +6,16 @@
 
 namespace fringe_fusion::decode {
 
+FitLimits DecodeContext::limits() const {
+  const auto square = [](double x) { return static_cast<float>(x * x); };
+  FitLimits limits;
+  limits.saturation_dn = saturation_dn();
+  limits.min_modulation2 = square(config.min_modulation_sigma);
+  limits.max_residual2 = square(config.max_residual_sigma);
+  limits.harmonic2 = square(config.max_harmonic_ratio);
+  return limits;
+}
+
 FrameRows::FrameRows(const ImageStack& stack, const DecodeContext& context)
     : stack_(stack), context_(context) {
   values_.resize(stack.frames.size() * context.stride());
@@ -13,16 +23,18 @@ FrameRows::FrameRows(const ImageStack& stack, const DecodeContext& context)
   dark_.resize(context.plan.groups.size() * context.stride());
 }
 
-void FrameRows::Load(int y) {
+void FrameRows::Load(int y, int begin) {
   const Kernels& kernels = context_.kernels;
+  const int count = std::min(context_.width, Width(stack_.frames.front()) - begin);
   for (std::size_t i = 0; i < stack_.frames.size(); ++i) {
     float* out = values_.data() + i * context_.stride();
     const FramePixels& pixels = stack_.frames[i].pixels;
     if (const auto* bytes = std::get_if<Image<std::uint8_t>>(&pixels)) {
-      kernels.bytes_to_float(bytes->row(y), out, context_.width);
+      kernels.bytes_to_float(bytes->row(y) + begin, out, count);
     } else {
-      kernels.words_to_float(std::get<Image<std::uint16_t>>(pixels).row(y), out, context_.width);
+      kernels.words_to_float(std::get<Image<std::uint16_t>>(pixels).row(y) + begin, out, count);
     }
+    std::fill(out + count, out + context_.width, out[count - 1]);
   }
   for (std::size_t group = 0; group < context_.plan.groups.size(); ++group) FindRange(group);
 }

@@ -26,7 +26,7 @@ struct DecodeContext {
   const DecodePlan& plan;
   const PhaseConfig& config;
   const Kernels& kernels;
-  int width = 0;
+  int width = 0;  ///< of the stretch of a row that is decoded at once
   float full_scale_dn = 255.0F;
 
   /// Width of row buffers: whole blocks of the kernels.
@@ -36,15 +36,18 @@ struct DecodeContext {
   [[nodiscard]] float saturation_dn() const {
     return static_cast<float>(config.saturation_ratio) * full_scale_dn;
   }
+  /// When a fit of phases counts as good.
+  [[nodiscard]] FitLimits limits() const;
 };
 
-/// One image row of all frames of a stack as float, and what a pixel looks like lit and unlit.
-/// Borrows the stack. One object per thread: Load replaces the row.
+/// A stretch of one image row of all frames of a stack as float, and what a pixel looks like lit
+/// and unlit. Borrows the stack. One object per thread: Load replaces the stretch.
 class FrameRows {
  public:
   FrameRows(const ImageStack& stack, const DecodeContext& context);
 
-  void Load(int y);
+  /// From column `begin` on; beyond the image the last pixel is repeated.
+  void Load(int y, int begin = 0);
 
   [[nodiscard]] int width() const { return context_.width; }
   [[nodiscard]] const float* frame(int i) const {

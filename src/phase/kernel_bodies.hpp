@@ -7,69 +7,96 @@
 namespace fringe_fusion::decode {
 
 FRINGE_FUSION_INLINE void NestOpenBody(const NestArgs& args, int count) {
-  const float p = args.period_px;
+  const float p = args.level.period_px;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
     args.coordinate_px[x] = args.cycles[x] * p - 0.5F;
-    args.variance_px2[x] = args.variance[x] * (p * p);
+    args.variance_px2[x] = args.variance[x] * args.level.period_px2;
   }
 }
 
 // After a Gray code the estimate is an interval, whose next order lies `gap` outside: there the
 // tail of the normal distribution is below exp(-z^2 / 2) / 2.
 FRINGE_FUSION_INLINE void NestIntervalBody(const NestArgs& args, int count) {
-  const float p = args.period_px;
-  const float inverse_p = 1.0F / p;
+  const NestLevel& level = args.level;
+  const float p = level.period_px;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
     const float wrapped = args.cycles[x] * p - 0.5F;
-    const float q = (args.coordinate_px[x] - wrapped) * inverse_p;
+    const float q = (args.coordinate_px[x] - wrapped) * level.inverse_period;
     const float order = RoundToInteger(q);
-    const float d = __builtin_fabsf(q - order);
+    const float d = Magnitude(q - order);
     const float own = args.variance[x];
-    const float half = args.half_px[x] * inverse_p;
+    const float half = args.half_px[x] * level.inverse_period;
     const float gap = Larger(1.0F - d - half, 0.0F);
     const float odds = 0.5F * gap * gap / own;
     const float beyond = Larger(d - 1.01F * half, 0.0F);
-    const bool near = d <= args.max_order_error || beyond * beyond <= 16.0F * own;
-    const bool certain = odds >= args.least_log_odds;
-    args.status[x] = Larger(args.status[x], near && certain ? kRowValid : kRowDoubtfulOrder);
+    const bool near = d <= level.max_order_error || beyond * beyond <= 16.0F * own;
+    const bool certain = odds >= level.least_log_odds;
+    args.status[x] =
+        Larger<std::int32_t>(args.status[x], near && certain ? kRowValid : kRowDoubtfulOrder);
     if (args.log_odds != nullptr) args.log_odds[x] = Smaller(args.log_odds[x], odds);
     args.coordinate_px[x] = wrapped + order * p;
-    args.variance_px2[x] = own * (p * p);
+    args.variance_px2[x] = own * level.period_px2;
   }
 }
 
-// Science 2.3 and 2.4: the order of the finer set is the one nearest to the estimate so far. With a
-// deviation of d fringes and its variance v, the next order deviates by 1 - d: log odds of the two
-// (1 - 2 d) / (2 v). The estimates are fused by inverse variance.
+/// An estimate after one more phase set.
+template <typename F>
+struct Nested {
+  F coordinate_px;
+  F variance_px2;
+  F deviation;  // of the set from the estimate before [fringes]
+  F variance;   // of the deviation
+};
+
+// Science 2.3 and 2.4: the order of the finer set, which is `own_px` but for whole periods, is the
+// one nearest to the estimate so far. The two are fused by inverse variance.
+template <typename F>
+FRINGE_FUSION_INLINE Nested<F> NestOnce(F before_px, F before_px2, F own_px, F own_px2,
+                                        const NestLevel& level) {
+  Nested<F> out;
+  const F periods = (before_px - own_px) * level.inverse_period;
+  const F deviation = periods - RoundToInteger(periods);
+  const F sum_px2 = own_px2 + before_px2;
+  const F share = before_px2 / sum_px2;
+  out.coordinate_px = before_px - share * (level.period_px * deviation);
+  out.variance_px2 = share * own_px2;
+  out.deviation = Magnitude(deviation);
+  out.variance = sum_px2 * level.inverse_period2 + level.systematic2;
+  return out;
+}
+
+// With a deviation of d fringes and its variance v, the next order deviates by 1 - d: log odds of
+// the two (1 - 2 d) / (2 v).
+template <typename F>
+FRINGE_FUSION_INLINE MaskOf<F> IsCertain(const Nested<F>& nested, const NestLevel& level) {
+  return nested.deviation <=
+         Smaller(All<F>(level.max_order_error), 0.5F - level.least_log_odds * nested.variance);
+}
+
+template <typename F>
+FRINGE_FUSION_INLINE MaskOf<F> Agrees(const Nested<F>& nested, const NestLevel& level) {
+  return nested.deviation * nested.deviation <= level.farthest2 * nested.variance;
+}
+
 template <bool kReport>
 FRINGE_FUSION_INLINE void NestStep(const NestArgs& args, int count) {
-  const float p = args.period_px;
-  const float inverse_p = 1.0F / p;
-  const float systematic = args.phase_error * (1.0F + args.period_before_px * inverse_p);
-  const float systematic2 = systematic * systematic;
-  const float farthest2 = args.max_level_sigma * args.max_level_sigma;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
-    const float before = args.coordinate_px[x];
-    const float wrapped = args.cycles[x] * p - 0.5F;
-    const float q = (before - wrapped) * inverse_p;
-    const float order = RoundToInteger(q);
-    const float unwrapped = wrapped + order * p;
-    const float d = __builtin_fabsf(q - order);
-    const float own_px2 = args.variance[x] * (p * p);
-    const float old_px2 = args.variance_px2[x];
-    const float sum_px2 = own_px2 + old_px2;
-    const float v = sum_px2 * (inverse_p * inverse_p) + systematic2;
-    const bool near = d <= args.max_order_error && 0.5F - d >= args.least_log_odds * v;
-    std::int32_t status = d * d <= farthest2 * v ? kRowValid : kRowResidual;
-    status = near ? status : kRowDoubtfulOrder;
-    args.status[x] = Larger(args.status[x], status);
-    if (kReport) args.log_odds[x] = Smaller(args.log_odds[x], (0.5F - d) / v);
-    const float share = own_px2 / sum_px2;
-    args.coordinate_px[x] = unwrapped + share * (before - unwrapped);
-    args.variance_px2[x] = share * old_px2;
+    const float own_px = args.cycles[x] * args.level.period_px - 0.5F;
+    const float own_px2 = args.variance[x] * args.level.period_px2;
+    const Nested<float> nested =
+        NestOnce(args.coordinate_px[x], args.variance_px2[x], own_px, own_px2, args.level);
+    std::int32_t status = Agrees(nested, args.level) ? kRowValid : kRowResidual;
+    status = IsCertain(nested, args.level) ? status : kRowDoubtfulOrder;
+    args.status[x] = Larger<std::int32_t>(args.status[x], status);
+    if (kReport) {
+      const float odds = (0.5F - nested.deviation) / nested.variance;
+      args.log_odds[x] = Smaller(args.log_odds[x], odds);
+    }
+    args.coordinate_px[x] = nested.coordinate_px;
+    args.variance_px2[x] = nested.variance_px2;
   }
 }
 
@@ -82,25 +109,19 @@ FRINGE_FUSION_INLINE void NestBody(const NestArgs& args, int count) {
 }
 
 // The coarsest set of exactly one fringe jumps by the projector size at its ends, where noise
-// decides the side. Finer sets repeat over the size too, so only the fused value can tell; a pixel
-// closer than 3 sigma to the border may belong to the opposite one.
-FRINGE_FUSION_INLINE void FinishBody(const FinishArgs& args, int count) {
-  const float size = args.size_px;
-  const float inverse_size = args.repeats ? 1.0F / size : 0.0F;
-  const float margin2 = args.repeats ? 9.0F : 0.0F;
-#pragma GCC ivdep
-  for (int x = 0; x < count; ++x) {
-    const float turns = (args.coordinate_px[x] + 0.5F) * inverse_size;
-    const float coordinate = args.coordinate_px[x] - size * RoundToInteger(turns - 0.5F);
-    args.coordinate_px[x] = coordinate;
-    const float low = coordinate + 0.5F;
-    const float high = size - low;
-    const float nearest = Smaller(low, high);
-    const float margin_px2 = margin2 * args.variance_px2[x];
-    std::int32_t status = nearest * nearest >= margin_px2 ? kRowValid : kRowOutside;
-    status = nearest >= 0.0F ? status : kRowOutside;
-    args.status[x] = Larger(args.status[x], status);
-  }
+// decides the side. Finer sets repeat over the size too, so only the fused value can tell.
+template <typename F>
+FRINGE_FUSION_INLINE F TurnIntoAxis(F coordinate_px, const AxisEnds& ends) {
+  const F turns = (coordinate_px + 0.5F) * ends.inverse_size;
+  return coordinate_px - ends.size_px * RoundToInteger(turns - 0.5F);
+}
+
+// Where the code repeats, a pixel close to the border may belong to the opposite one.
+template <typename F>
+FRINGE_FUSION_INLINE MaskOf<F> IsInside(F coordinate_px, F variance_px2, const AxisEnds& ends) {
+  const F low = coordinate_px + 0.5F;
+  const F nearest = Smaller(low, ends.size_px - low);
+  return nearest * Magnitude(nearest) >= ends.margin2 * variance_px2;
 }
 
 FRINGE_FUSION_INLINE void CheckLightBody(const LightArgs& args, int count) {
@@ -109,59 +130,129 @@ FRINGE_FUSION_INLINE void CheckLightBody(const LightArgs& args, int count) {
   const float least_dark = args.has_black ? 2.0F * args.least : __builtin_inff();
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
-    const std::int32_t before = args.light[x];
+    const std::int32_t before = args.is_first ? kTooDark : args.light[x];
     const std::int32_t unlit = dark[x] >= least_dark ? kShadow : before;
     args.light[x] = bright[x] - dark[x] >= args.least ? 0 : (before == 0 ? 0 : unlit);
   }
 }
 
+/// Some lanes from pixel x on; the last pixels of a row may be fewer than lanes.
+template <typename Lanes, bool kFull>
+struct LaneAccess {
+  using F = typename Lanes::Float;
+  using Int = typename Lanes::Int;
+  static constexpr int kCount = Lanes::kCount;
+  int x;
+  int count;
+
+  template <typename Pixel>
+  __attribute__((always_inline)) F LoadGrey(const Pixel* row) const {
+    if (kFull) return Lanes::Load(row + x);
+    Pixel some[kCount] = {};
+    __builtin_memcpy(some, row + x, static_cast<unsigned>(count) * sizeof(Pixel));
+    return Lanes::Load(some);
+  }
+  // Of rows with whole vectors.
+  __attribute__((always_inline)) F Load(const float* row) const {
+    F values;
+    __builtin_memcpy(&values, row + x, sizeof(F));
+    return values;
+  }
+  __attribute__((always_inline)) Int Load(const std::int32_t* row) const {
+    Int values;
+    __builtin_memcpy(&values, row + x, sizeof(Int));
+    return values;
+  }
+  template <typename Vector, typename T>
+  __attribute__((always_inline)) void Store(Vector values, T* row) const {
+    __builtin_memcpy(row + x, &values, kFull ? sizeof(Vector) : static_cast<unsigned>(count) * 4U);
+  }
+  __attribute__((always_inline)) void StoreBytes(Int values, std::uint8_t* row) const {
+    if (kFull) return Lanes::StoreBytes(values, row + x);
+    std::uint8_t some[kCount];
+    Lanes::StoreBytes(values, some);
+    __builtin_memcpy(row + x, some, static_cast<unsigned>(count));
+  }
+};
+
+// All rows have whole vectors.
+template <typename Lanes>
+FRINGE_FUSION_INLINE void FinishBody(const FinishArgs& given, int count) {
+  using F = typename Lanes::Float;
+  using Int = typename Lanes::Int;
+  const FinishArgs args = given;  // of which the compiler knows that no store changes it
+  for (int x = 0; x < count; x += Lanes::kCount) {
+    const LaneAccess<Lanes, true> at{x, Lanes::kCount};
+    const F coordinate = TurnIntoAxis(at.Load(args.coordinate_px), args.ends);
+    at.Store(coordinate, args.coordinate_px);
+    const auto inside = IsInside(coordinate, at.Load(args.variance_px2), args.ends);
+    const Int status = inside ? Int{} : All<Int>(kRowOutside);
+    at.Store(Larger(at.Load(args.status), status), args.status);
+  }
+}
+
 // RowStatus as MaskReason.
-FRINGE_FUSION_INLINE std::int32_t ReasonOf(std::int32_t status) {
-  std::int32_t reason = status == kRowOutside ? 7 : 0;
-  reason = status == kRowResidual ? 5 : reason;
-  reason = status == kRowDoubtfulOrder ? 6 : reason;
-  reason = status == kRowLowModulation ? 2 : reason;
-  return status == kRowSaturated ? 3 : reason;
+template <typename Int>
+FRINGE_FUSION_INLINE Int ReasonOf(Int status) {
+  const auto map = [&](std::int32_t from, std::int32_t to, Int otherwise) {
+    return status == from ? All<Int>(to) : otherwise;
+  };
+  Int reason = map(kRowOutside, kOutsideProjector, Int{});
+  reason = map(kRowResidual, kResidual, reason);
+  reason = map(kRowDoubtfulOrder, kDoubtfulOrder, reason);
+  reason = map(kRowLowModulation, kLowModulation, reason);
+  return map(kRowSaturated, kSaturated, reason);
 }
 
-FRINGE_FUSION_INLINE void ComposeAxis(const AxisInput& in, const std::uint8_t* __restrict mask,
-                                      float* __restrict value, float* __restrict sigma, int count) {
-  const float nan = __builtin_nanf("");
-#pragma GCC ivdep
-  for (int x = 0; x < count; ++x) {
-    const std::int32_t reason = mask[x];
-    const float coordinate = in.coordinate_px[x];
-    const float deviation = __builtin_sqrtf(in.variance_px2[x]);
-    value[x] = reason == 0 ? coordinate : nan;
-    sigma[x] = reason == 0 ? deviation : nan;
+template <typename Lanes, bool kFull>
+FRINGE_FUSION_INLINE void ComposePixels(const ComposeArgs& args, int x, int count) {
+  using F = typename Lanes::Float;
+  using Int = typename Lanes::Int;
+  const LaneAccess<Lanes, kFull> at{x, count};
+  const MapRow& out = args.out;
+  const F offset = 0.5F * (at.Load(args.u.offset) + at.Load(args.v.offset));
+  const F modulation = Root(Smaller(at.Load(args.u.amplitude2), at.Load(args.v.amplitude2)));
+  at.Store(offset, out.offset);
+  at.Store(modulation, out.modulation);
+  if (args.texture != nullptr) at.Store(offset + modulation, args.texture);
+  // What is wrong with u explains the pixel before what is wrong with v.
+  const Int u = at.Load(args.u.status);
+  const Int light = at.Load(args.light);
+  const Int reason = light != 0 ? light : ReasonOf(u != 0 ? u : at.Load(args.v.status));
+  at.StoreBytes(reason, out.mask);
+  const F nan = All<F>(__builtin_nanf(""));
+  if (out.u_px != nullptr) {
+    at.Store(reason == 0 ? at.Load(args.u.coordinate_px) : nan, out.u_px);
+    at.Store(reason == 0 ? Root(at.Load(args.u.variance_px2)) : nan, out.sigma_u_px);
+  }
+  if (out.v_px != nullptr) {
+    at.Store(reason == 0 ? at.Load(args.v.coordinate_px) : nan, out.v_px);
+    at.Store(reason == 0 ? Root(at.Load(args.v.variance_px2)) : nan, out.sigma_v_px);
   }
 }
 
-FRINGE_FUSION_INLINE void ComposeBody(const ComposeArgs& args, int count) {
-#pragma GCC ivdep
-  for (int x = 0; x < count; ++x) {
-    args.offset[x] = 0.5F * (args.u.offset[x] + args.v.offset[x]);
-    args.modulation[x] = __builtin_sqrtf(Smaller(args.u.amplitude2[x], args.v.amplitude2[x]));
+template <typename Lanes>
+FRINGE_FUSION_INLINE void ComposeBody(const ComposeArgs& given, int count) {
+  const ComposeArgs args = given;  // of which the compiler knows that no store changes it
+  int x = 0;
+  for (; x + Lanes::kCount <= count; x += Lanes::kCount) {
+    ComposePixels<Lanes, true>(args, x, Lanes::kCount);
   }
-#pragma GCC ivdep
-  for (int x = 0; x < count; ++x) {
-    // What is wrong with u explains the pixel before what is wrong with v.
-    const std::int32_t u = ReasonOf(args.u.status[x]);
-    const std::int32_t v = ReasonOf(args.v.status[x]);
-    const std::int32_t light = args.light[x];
-    const std::int32_t code = u != 0 ? u : v;
-    args.mask[x] = static_cast<std::uint8_t>(light != 0 ? light : code);
-  }
-  if (args.u_px != nullptr) ComposeAxis(args.u, args.mask, args.u_px, args.sigma_u_px, count);
-  if (args.v_px != nullptr) ComposeAxis(args.v, args.mask, args.v_px, args.sigma_v_px, count);
+  if (x < count) ComposePixels<Lanes, false>(args, x, count - x);
+}
+
+// A grey value as a byte.
+template <typename F>
+FRINGE_FUSION_INLINE F ToByteRange(F grey, float full_scale) {
+  const F byte = (255.0F / full_scale) * grey;
+  return Smaller(Larger(byte, F{}), All<F>(255.0F)) + 0.5F;
 }
 
 FRINGE_FUSION_INLINE void ToRgbBody(const float* __restrict grey, float full_scale,
                                     std::uint8_t* __restrict rgb, int count) {
-  const float scale = 255.0F / full_scale;
   for (int x = 0; x < count; ++x) {
-    const float byte = Smaller(Larger(scale * grey[x], 0.0F), 255.0F);
-    const auto value = static_cast<std::uint8_t>(static_cast<std::int32_t>(byte + 0.5F));
+    const float byte = ToByteRange(grey[x], full_scale);
+    const auto value = static_cast<std::uint8_t>(static_cast<std::int32_t>(byte));
     rgb[3 * x] = value;
     rgb[3 * x + 1] = value;
     rgb[3 * x + 2] = value;
@@ -182,8 +273,8 @@ FRINGE_FUSION_INLINE void RatioBody(const float* __restrict modulation,
 // missing one counts as different, two missing ones tell nothing. NaN compares false.
 FRINGE_FUSION_INLINE std::int32_t JumpsOnBothSides(float here, float before, float after,
                                                    float step) {
-  const std::int32_t near_before = __builtin_fabsf(here - before) <= step ? 1 : 0;
-  const std::int32_t near_after = __builtin_fabsf(here - after) <= step ? 1 : 0;
+  const std::int32_t near_before = Magnitude(here - before) <= step ? 1 : 0;
+  const std::int32_t near_after = Magnitude(here - after) <= step ? 1 : 0;
   const std::int32_t has_before = before == before ? 1 : 0;
   const std::int32_t has_after = after == after ? 1 : 0;
   return (has_before | has_after) & (1 - (near_before | near_after));

@@ -2,49 +2,30 @@
 
 // Helpers of all kernels and bodies of those that fit phase sets, inlined into one wrapper per
 // instruction set. No standard library and no Eigen here: nothing compiled for AVX2 may end up in
-// code that others share.
+// code that others share. F is a float or a vector of lanes.hpp.
 
 #include "kernels.hpp"
-
-#define FRINGE_FUSION_INLINE static inline __attribute__((always_inline))
+#include "lanes.hpp"
 
 namespace fringe_fusion::decode {
 
+// Values of MaskReason.
 constexpr std::int32_t kTooDark = 1;
+constexpr std::int32_t kLowModulation = 2;
+constexpr std::int32_t kSaturated = 3;
+constexpr std::int32_t kResidual = 5;
+constexpr std::int32_t kDoubtfulOrder = 6;
+constexpr std::int32_t kOutsideProjector = 7;
 constexpr std::int32_t kShadow = 8;
 // Grey values are whole numbers: amplitudes below these have no phase.
-constexpr float kLeastAmplitude = 1e-3F;
 constexpr float kLeastAmplitude2 = 1e-6F;
 constexpr float kTiny = 1e-20F;
+constexpr float kInverseTwoPi2 = 0.0253302959F;  // 1 / (2 pi)^2
 
-FRINGE_FUSION_INLINE float Larger(float a, float b) { return a > b ? a : b; }
-FRINGE_FUSION_INLINE std::int32_t Larger(std::int32_t a, std::int32_t b) { return a > b ? a : b; }
-FRINGE_FUSION_INLINE float Smaller(float a, float b) { return a < b ? a : b; }
-
-// To the nearest integer, for |x| < 2^22.
-FRINGE_FUSION_INLINE float RoundToInteger(float x) { return (x + 12582912.0F) - 12582912.0F; }
-
-FRINGE_FUSION_INLINE float WrapToUnit(float cycles) {
-  const float rest = cycles - RoundToInteger(cycles);
+template <typename F>
+FRINGE_FUSION_INLINE F WrapToUnit(F cycles) {
+  const F rest = cycles - RoundToInteger(cycles);
   return rest < 0.0F ? rest + 1.0F : rest;
-}
-
-// atan(r) / (2 pi) in the octant of (sine, cosine), r = least over largest of their magnitudes.
-// Ref: Abramowitz & Stegun 1964, 4.4.49, error below 2e-8 rad.
-FRINGE_FUSION_INLINE float CyclesOf(float sine, float cosine, float r) {
-  const float r2 = r * r;
-  float p = 0.0028662257F;
-  p = p * r2 - 0.0161657367F;
-  p = p * r2 + 0.0429096138F;
-  p = p * r2 - 0.0752896400F;
-  p = p * r2 + 0.1065626393F;
-  p = p * r2 - 0.1420889944F;
-  p = p * r2 + 0.1999355085F;
-  p = p * r2 - 0.3333314528F;
-  float t = (r + r * (r2 * p)) * 0.15915494309F;
-  t = __builtin_fabsf(sine) > __builtin_fabsf(cosine) ? 0.25F - t : t;
-  t = cosine < 0.0F ? 0.5F - t : t;
-  return sine < 0.0F ? -t : t;
 }
 
 FRINGE_FUSION_INLINE void BytesToFloatBody(const std::uint8_t* __restrict in, float* __restrict out,
@@ -66,48 +47,112 @@ FRINGE_FUSION_INLINE void ExtendRangeBody(const float* __restrict in, float* __r
 }
 
 /// A, a = B cos phi, b = B sin phi and what is known about them.
+template <typename F>
 struct Fit {
-  float offset;
-  float cosine;
-  float sine;
-  float octant_ratio;  // least over largest magnitude of a and b
-  float amplitude2;
-  float variance_rad2;
-  float residual;        // chi^2
-  float residual_limit;  // of the same
-  float num_samples;
-  float peak;
+  F offset;
+  F cosine;
+  F sine;
+  F amplitude2;
+  F variance_rad2;
+  F misfit;          // squared residuals, to be compared with
+  F largest_misfit;  // these
 };
 
-FRINGE_FUSION_INLINE std::int32_t Store(const Fit& fit, const FitArgs& args, const FitOut& out,
-                                        int x) {
-  constexpr float kInverseTwoPi2 = 0.0253302959F;  // 1 / (2 pi)^2
-  const float cycles = CyclesOf(fit.sine, fit.cosine, fit.octant_ratio);
-  out.cycles[x] = WrapToUnit(args.sign * cycles - args.offset_cycles);
+// phi / (2 pi), -1/2..1/2: atan(r) / (2 pi) in the octant of (sine, cosine), r = least over largest
+// of their magnitudes. Minimax polynomial, error below 1.7e-6 rad. NaN without any amplitude.
+template <typename F>
+FRINGE_FUSION_INLINE F CyclesOf(const Fit<F>& fit) {
+  const F sine = Magnitude(fit.sine);
+  const F cosine = Magnitude(fit.cosine);
+  const F r = Smaller(sine, cosine) / Larger(sine, cosine);
+  const F r2 = r * r;
+  F p = All<F>(-0.001865158381F);
+  p = p * r2 + 0.008379086226F;
+  p = p * r2 - 0.01852985011F;
+  p = p * r2 + 0.03080290754F;
+  p = p * r2 - 0.05293856724F;
+  p = p * r2 + 0.1591513174F;
+  F t = r * p;
+  t = sine > cosine ? 0.25F - t : t;
+  t = fit.cosine < 0.0F ? 0.5F - t : t;
+  return TurnSign(t, fit.sine);
+}
+
+// Science 2.1: var phi = 2 sigma_I^2 / (N B^2), so N / 2 of it is (sigma_I / B)^2 of an equal even
+// set.
+template <typename F>
+FRINGE_FUSION_INLINE MaskOf<F> IsStrong(F variance_rad2, float num_samples,
+                                        const FitLimits& limits) {
+  return 0.5F * limits.min_modulation2 * num_samples * variance_rad2 <= 1.0F;
+}
+
+// What a fit leaves for the row decoders.
+FRINGE_FUSION_INLINE std::int32_t Store(const Fit<float>& fit, float num_samples, float peak,
+                                        const FitArgs& args, const FitOut& out, int x) {
+  out.cycles[x] = WrapToUnit(args.sign * CyclesOf(fit) - args.offset_cycles);
   out.variance[x] = kInverseTwoPi2 * fit.variance_rad2;
   out.offset[x] = fit.offset;
   out.amplitude2[x] = fit.amplitude2;
-  // Science 2.1: var phi = 2 sigma_I^2 / (N B^2), so this is (sigma_I / B)^2 of an equal even set.
-  const float noise_ratio2 = 0.5F * fit.num_samples * fit.variance_rad2;
-  std::int32_t status = fit.residual <= fit.residual_limit ? kRowValid : kRowResidual;
-  status = args.limits.min_modulation2 * noise_ratio2 <= 1.0F ? status : kRowLowModulation;
-  status = fit.peak < args.limits.saturation_dn ? status : kRowSaturated;
+  std::int32_t status = fit.misfit <= fit.largest_misfit ? kRowValid : kRowResidual;
+  status = IsStrong(fit.variance_rad2, num_samples, args.limits) ? status : kRowLowModulation;
+  status = peak < args.limits.saturation_dn ? status : kRowSaturated;
   out.status[x] = status;
   return status;
-}
-
-FRINGE_FUSION_INLINE float LeastMagnitude(const Fit& fit) {
-  return Smaller(__builtin_fabsf(fit.sine), __builtin_fabsf(fit.cosine));
-}
-
-FRINGE_FUSION_INLINE float LargestMagnitude(const Fit& fit) {
-  const float largest = Larger(__builtin_fabsf(fit.sine), __builtin_fabsf(fit.cosine));
-  return Larger(largest, kLeastAmplitude);
 }
 
 // Three steps determine A, a and b: weights change nothing. Shot noise follows the fringe and with
 // N = 3 its first harmonic does not cancel: var phi = 2/(3 B^2) (sigma_A^2 - gain B cos(3 phi) /
 // 2).
+template <typename F>
+FRINGE_FUSION_INLINE Fit<F> FitThree(const F (&i)[4], const RowNoise& noise,
+                                     const FitLimits& /*limits*/) {
+  Fit<F> fit;
+  fit.offset = (i[0] + i[1] + i[2]) * (1.0F / 3.0F);
+  fit.cosine = (2.0F * i[0] - i[1] - i[2]) * (1.0F / 3.0F);
+  fit.sine = (i[1] - i[2]) * 0.57735026919F;
+  const F a = fit.cosine;
+  fit.amplitude2 = a * a + fit.sine * fit.sine;
+  const F inverse_b2 = 1.0F / Larger(fit.amplitude2, All<F>(kLeastAmplitude2));
+  const F mean = noise.floor_dn2 + noise.gain_dn * fit.offset;
+  const F third = 0.5F * noise.gain_dn * a * (4.0F * (a * a * inverse_b2) - 3.0F);
+  fit.variance_rad2 = (2.0F / 3.0F) * Larger(mean - third, 0.25F * mean) * inverse_b2;
+  fit.misfit = fit.largest_misfit = F{};
+  return fit;
+}
+
+// Four steps leave one contrast z = (I0 - I1 + I2 - I3) / 4 that is noise alone. Shot noise
+// correlates it with a and b; the weighted least squares takes that part out in closed form:
+// a (1 - e), b (1 + e), e = gain z / sigma_A^2, with the covariance of the corrected values. e is
+// small and never beyond +-1: B^2 of the plain fit serves as divisor of the corrected one. The
+// squared residual is 4 z^2 / sigma_A^2. All is computed for 4 z, 4 A, 4 sigma_A^2, 2 a, 2 b.
+template <typename F>
+FRINGE_FUSION_INLINE Fit<F> FitFour(const F (&i)[4], const RowNoise& noise,
+                                    const FitLimits& limits) {
+  const F even = i[0] + i[2];
+  const F odd = i[1] + i[3];
+  const F sum = even + odd;
+  const F z4 = even - odd;
+  const F noise4 = 4.0F * noise.floor_dn2 + noise.gain_dn * sum;
+  const F a = i[0] - i[2];
+  const F b = i[1] - i[3];
+  const F a2 = a * a;
+  const F b2 = b * b;
+  const F norm = a2 + b2;
+  const F divisor = Larger(norm, All<F>(4.0F * kLeastAmplitude2));
+  const F inverse = 1.0F / (noise4 * divisor);  // One division serves both quotients.
+  const F e = noise.gain_dn * z4 * (divisor * inverse);
+  const F gained = 4.0F * noise.gain_dn * noise.gain_dn * inverse * (a2 * b2);
+  Fit<F> fit;
+  fit.offset = 0.25F * sum;
+  fit.cosine = a - a * e;
+  fit.sine = b + b * e;
+  fit.amplitude2 = 0.25F * norm;
+  fit.variance_rad2 = Larger(0.5F * noise4 - gained, All<F>(kTiny)) * (noise4 * inverse);
+  fit.misfit = z4 * z4;
+  fit.largest_misfit = limits.max_residual2 * noise4 + 4.0F * limits.harmonic2 * divisor;
+  return fit;
+}
+
 FRINGE_FUSION_INLINE std::int32_t FitThreeBody(const FitArgs& args, const FitOut& out, int count) {
   const float* __restrict i0 = args.frames[0];
   const float* __restrict i1 = args.frames[1];
@@ -115,69 +160,26 @@ FRINGE_FUSION_INLINE std::int32_t FitThreeBody(const FitArgs& args, const FitOut
   std::int32_t greatest = kRowValid;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
-    Fit fit{};
-    fit.offset = (i0[x] + i1[x] + i2[x]) * (1.0F / 3.0F);
-    fit.cosine = (2.0F * i0[x] - i1[x] - i2[x]) * (1.0F / 3.0F);
-    fit.sine = (i1[x] - i2[x]) * 0.57735026919F;
-    const float a = fit.cosine;
-    fit.amplitude2 = a * a + fit.sine * fit.sine;
-    // One division serves all quotients.
-    const float b2 = Larger(fit.amplitude2, kLeastAmplitude2);
-    const float largest = LargestMagnitude(fit);
-    const float inverse = 1.0F / (b2 * largest);
-    const float inverse_b2 = largest * inverse;
-    fit.octant_ratio = LeastMagnitude(fit) * (b2 * inverse);
-    const float noise = args.noise.floor_dn2 + args.noise.gain_dn * fit.offset;
-    const float third = 0.5F * args.noise.gain_dn * a * (4.0F * (a * a * inverse_b2) - 3.0F);
-    fit.variance_rad2 = (2.0F / 3.0F) * Larger(noise - third, 0.25F * noise) * inverse_b2;
-    fit.num_samples = 3.0F;
-    fit.peak = Larger(i0[x], Larger(i1[x], i2[x]));
-    greatest = Larger(greatest, Store(fit, args, out, x));
+    const float grey[4] = {i0[x], i1[x], i2[x], 0.0F};
+    const float peak = Larger(i0[x], Larger(i1[x], i2[x]));
+    const Fit<float> fit = FitThree(grey, args.noise, args.limits);
+    greatest = Larger(greatest, Store(fit, 3.0F, peak, args, out, x));
   }
   return greatest;
 }
 
-// Four steps leave one contrast z = (I0 - I1 + I2 - I3) / 4 that is noise alone. Shot noise
-// correlates it with a and b; the weighted least squares takes that part out in closed form:
-// a (1 - e), b (1 + e), e = gain z / sigma_A^2, with the covariance of the corrected values.
 FRINGE_FUSION_INLINE std::int32_t FitFourBody(const FitArgs& args, const FitOut& out, int count) {
   const float* __restrict i0 = args.frames[0];
   const float* __restrict i1 = args.frames[1];
   const float* __restrict i2 = args.frames[2];
   const float* __restrict i3 = args.frames[3];
-  const float gain = args.noise.gain_dn;
   std::int32_t greatest = kRowValid;
 #pragma GCC ivdep
   for (int x = 0; x < count; ++x) {
-    Fit fit{};
-    const float even = i0[x] + i2[x];
-    const float odd = i1[x] + i3[x];
-    fit.offset = 0.25F * (even + odd);
-    const float z = 0.25F * (even - odd);
-    const float noise = args.noise.floor_dn2 + gain * fit.offset;
-    const float a = 0.5F * (i0[x] - i2[x]);
-    const float b = 0.5F * (i1[x] - i3[x]);
-    // e is small: B^2 and the octant of the plain fit serve as divisors of the corrected one.
-    fit.cosine = a;
-    fit.sine = b;
-    const float plain_b2 = a * a + b * b;
-    const float b2 = Larger(plain_b2, kLeastAmplitude2);
-    const float inverse = 1.0F / (noise * b2);
-    const float inverse_noise = b2 * inverse;
-    const float inverse_b2 = noise * inverse;
-    const float e = Larger(-0.5F, Smaller(0.5F, gain * z * inverse_noise));
-    fit.cosine = a * (1.0F - e);
-    fit.sine = b * (1.0F + e);
-    fit.octant_ratio = LeastMagnitude(fit) / LargestMagnitude(fit);
-    fit.amplitude2 = plain_b2;
-    const float gained = gain * gain * inverse_noise * (a * a * inverse_b2) * (b * b);
-    fit.variance_rad2 = Larger(0.5F * noise - gained, 0.05F * noise) * inverse_b2;
-    fit.residual = 4.0F * z * z * inverse_noise;
-    fit.residual_limit =
-        args.limits.max_residual2 + 4.0F * args.limits.harmonic2 * b2 * inverse_noise;
-    fit.num_samples = 4.0F;
-    fit.peak = Larger(Larger(i0[x], i1[x]), Larger(i2[x], i3[x]));
-    greatest = Larger(greatest, Store(fit, args, out, x));
+    const float grey[4] = {i0[x], i1[x], i2[x], i3[x]};
+    const float peak = Larger(Larger(i0[x], i1[x]), Larger(i2[x], i3[x]));
+    const Fit<float> fit = FitFour(grey, args.noise, args.limits);
+    greatest = Larger(greatest, Store(fit, 4.0F, peak, args, out, x));
   }
   return greatest;
 }
@@ -286,23 +288,21 @@ FRINGE_FUSION_INLINE std::int32_t StoreBlock(const FitArgs& args, const FitOut& 
   std::int32_t greatest = kRowValid;
 #pragma GCC ivdep
   for (int i = 0; i < count; ++i) {
-    Fit fit{};
+    Fit<float> fit{};
     fit.offset = s.a[i];
     fit.cosine = s.b[i];
     fit.sine = s.c[i];
     fit.amplitude2 = s.b[i] * s.b[i] + s.c[i] * s.c[i];
-    fit.octant_ratio = LeastMagnitude(fit) / LargestMagnitude(fit);
     const float b2 = Larger(fit.amplitude2, kLeastAmplitude2);
     const float bb = s.b[i] * s.b[i] * s.vcc[i] + s.c[i] * s.c[i] * s.vbb[i];
     fit.variance_rad2 = Larger((bb - 2.0F * s.b[i] * s.c[i] * s.vbc[i]) / b2 / b2, kTiny);
     const float dof = Larger(r.count[i] - 3.0F, 0.0F);
-    fit.residual = r.chi2[i];
-    fit.residual_limit = args.limits.max_residual2 * dof +
+    fit.misfit = r.chi2[i];
+    fit.largest_misfit = args.limits.max_residual2 * dof +
                          args.limits.harmonic2 * b2 * r.weight[i] + (dof > 0.0F ? 0.0F : 1e30F);
-    fit.num_samples = r.count[i];
     // Two shifts do not tell a phase.
-    fit.peak = r.places[i] >= 3.0F ? 0.0F : args.limits.saturation_dn;
-    greatest = Larger(greatest, Store(fit, args, out, begin + i));
+    const float peak = r.places[i] >= 3.0F ? 0.0F : args.limits.saturation_dn;
+    greatest = Larger(greatest, Store(fit, r.count[i], peak, args, out, begin + i));
   }
   return greatest;
 }

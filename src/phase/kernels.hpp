@@ -56,16 +56,23 @@ struct FitArgs {
   FitLimits limits;
 };
 
-/// The estimate of a row before and after one more phase set. Coordinates in projector px.
+/// How one more phase set joins an estimate. Coordinates in projector px.
+struct NestLevel {
+  float period_px = 0.0F;
+  float period_px2 = 0.0F;       ///< its square
+  float inverse_period = 0.0F;   ///< [1/px]
+  float inverse_period2 = 0.0F;  ///< its square
+  float systematic2 = 0.0F;      ///< variance of systematic phase errors [fringes^2]
+  float max_order_error = 0.5F;  ///< [fringes]
+  float least_log_odds = 0.0F;   ///< of the chosen order against the next one
+  float farthest2 = 0.0F;        ///< square of the largest disagreement of two sets [sigma^2]
+};
+
+/// The estimate of a row before and after one more phase set.
 struct NestArgs {
   const float* cycles = nullptr;
   const float* variance = nullptr;  ///< of cycles
-  float period_px = 0.0F;
-  float period_before_px = 0.0F;  ///< of the set before
-  float phase_error = 0.0F;       ///< systematic error of a phase [cycles]
-  float max_order_error = 0.5F;   ///< [fringes]
-  float max_level_sigma = 0.0F;   ///< largest disagreement of two sets [sigma]
-  float least_log_odds = 0.0F;    ///< of the chosen order against the next one
+  NestLevel level;
   const float* half_px = nullptr;
   float* coordinate_px = nullptr;
   float* variance_px2 = nullptr;
@@ -73,10 +80,16 @@ struct NestArgs {
   std::int32_t* status = nullptr;
 };
 
+/// Where an axis ends.
+struct AxisEnds {
+  float size_px = 0.0F;
+  float inverse_size = 0.0F;  ///< [1/px], 0 unless every phase repeats after exactly that size
+  float margin2 = 0.0F;       ///< square of the least distance to the border [sigma^2]
+};
+
 /// End of one axis: coordinates beyond the projector are taken out.
 struct FinishArgs {
-  float size_px = 0.0F;
-  bool repeats = false;  ///< every phase repeats after exactly one projector size
+  AxisEnds ends;
   float* coordinate_px = nullptr;
   const float* variance_px2 = nullptr;
   std::int32_t* status = nullptr;
@@ -91,11 +104,8 @@ struct AxisInput {
   const std::int32_t* status = nullptr;
 };
 
-/// Row of the phase map. Coordinates may be null where the axis is not coded.
-struct ComposeArgs {
-  AxisInput u;
-  AxisInput v;
-  const std::int32_t* light = nullptr;  ///< MaskReason of a pixel without light, 0 elsewhere
+/// A stretch of a row of the phase map. Null: the axis is not coded, or the picture is not wanted.
+struct MapRow {
   float* u_px = nullptr;
   float* v_px = nullptr;
   float* sigma_u_px = nullptr;
@@ -103,6 +113,42 @@ struct ComposeArgs {
   float* offset = nullptr;
   float* modulation = nullptr;
   std::uint8_t* mask = nullptr;
+  std::uint8_t* rgb = nullptr;   ///< three bytes a pixel
+  float* order_error = nullptr;  ///< probability
+};
+
+struct ComposeArgs {
+  AxisInput u;
+  AxisInput v;
+  const std::int32_t* light = nullptr;  ///< MaskReason of a pixel without light, 0 elsewhere
+  float* texture = nullptr;             ///< A + B, or null when nobody asks
+  MapRow out;
+};
+
+/// Rows of bytes or of words.
+struct RangeArgs {
+  const void* const* rows = nullptr;
+  int num_rows = 0;
+  void* low = nullptr;
+  void* high = nullptr;
+};
+
+/// Three or four even steps at one exposure fitted and nested into the estimate at once. The frames
+/// are rows of bytes or of words without a saturated pixel; the other rows have whole vectors.
+struct ClimbArgs {
+  const void* frames[4] = {nullptr, nullptr, nullptr, nullptr};
+  int num_steps = 0;
+  bool is_first = false;  ///< no estimate yet: the set covers the whole axis
+  float sign_px = 1.0F;   ///< coordinate = sign_px phase / (2 pi) - shift_px
+  float shift_px = 0.0F;
+  RowNoise noise;
+  FitLimits limits;
+  NestLevel level;
+  float* coordinate_px = nullptr;
+  float* variance_px2 = nullptr;
+  std::int32_t* status = nullptr;
+  float* offset = nullptr;  ///< or null when nobody asks
+  float* amplitude2 = nullptr;
 };
 
 /// Three neighbouring rows of the phase map: before, here and after.
@@ -135,6 +181,7 @@ struct LightArgs {
   const float* dark = nullptr;
   float least = 0.0F;
   bool has_black = false;  ///< dark is the grey value of a black frame
+  bool is_first = false;   ///< nothing is known from other exposures
   std::int32_t* light = nullptr;
 };
 
@@ -144,7 +191,13 @@ struct Kernels {
   void (*words_to_float)(const std::uint16_t* in, float* out, int count) = nullptr;
   /// Lowers and raises `low` and `high` to take in the row.
   void (*extend_range)(const float* in, float* low, float* high, int count) = nullptr;
-  /// Sets `light` to 0 where bright - dark reaches `least`, else to shadow where dark does twice.
+  void (*climb_bytes)(const ClimbArgs& args, int count) = nullptr;
+  void (*climb_words)(const ClimbArgs& args, int count) = nullptr;
+  /// Least and greatest value of several rows; returns the greatest of all.
+  std::int32_t (*range_bytes)(const RangeArgs& args, int count) = nullptr;
+  std::int32_t (*range_words)(const RangeArgs& args, int count) = nullptr;
+  /// Sets `light` to 0 where bright - dark reaches `least`, else to shadow where dark does twice,
+  /// else to too dark.
   void (*check_light)(const LightArgs& args, int count) = nullptr;
   /// Each fit returns the greatest status of the row.
   std::int32_t (*fit_three)(const FitArgs& args, const FitOut& out, int count) = nullptr;

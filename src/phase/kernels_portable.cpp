@@ -1,51 +1,16 @@
-#include "kernel_bodies.hpp"
+#include "kernel_ladder.hpp"
+#include "lanes_portable.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
-
-void BytesToFloat(const std::uint8_t* in, float* out, int count) {
-  BytesToFloatBody(in, out, count);
-}
-void WordsToFloat(const std::uint16_t* in, float* out, int count) {
-  WordsToFloatBody(in, out, count);
-}
-void ExtendRange(const float* in, float* low, float* high, int count) {
-  ExtendRangeBody(in, low, high, count);
-}
-void CheckLight(const LightArgs& args, int count) { CheckLightBody(args, count); }
-std::int32_t FitThree(const FitArgs& args, const FitOut& out, int count) {
-  return FitThreeBody(args, out, count);
-}
-std::int32_t FitFour(const FitArgs& args, const FitOut& out, int count) {
-  return FitFourBody(args, out, count);
-}
-std::int32_t FitWeighted(const FitArgs& args, const FitOut& out, int count) {
-  return FitWeightedBody(args, out, count);
-}
-void Raise(const std::int32_t* in, std::int32_t* status, int count) {
-  RaiseBody(in, status, count);
-}
-void NestOpen(const NestArgs& args, int count) { NestOpenBody(args, count); }
-void NestInterval(const NestArgs& args, int count) { NestIntervalBody(args, count); }
-void Nest(const NestArgs& args, int count) { NestBody(args, count); }
-void JointCost(const JointArgs& args) { JointCostBody(args); }
-void Finish(const FinishArgs& args, int count) { FinishBody(args, count); }
-void Compose(const ComposeArgs& args, int count) { ComposeBody(args, count); }
-void ToRgb(const float* grey, float full_scale, std::uint8_t* rgb, int count) {
-  ToRgbBody(grey, full_scale, rgb, count);
-}
-void Ratio(const float* modulation, const float* offset, const std::uint8_t* mask, float* ratio,
-           int count) {
-  RatioBody(modulation, offset, mask, ratio, count);
-}
-void FindEdges(const EdgeArgs& args, int count) { FindEdgesBody(args, count); }
-
-constexpr Kernels kKernels{"portable",   BytesToFloat, WordsToFloat, ExtendRange, CheckLight,
-                           FitThree,     FitFour,      FitWeighted,  Raise,       NestOpen,
-                           NestInterval, Nest,         JointCost,    Finish,      Compose,
-                           ToRgb,        Ratio,        FindEdges};
-
+using Lanes = PortableLanes;
+constexpr const char* kName = "portable";
 }  // namespace
+}  // namespace fringe_fusion::decode
+
+#include "kernel_table.hpp"
+
+namespace fringe_fusion::decode {
 
 const Kernels& PortableKernels() { return kKernels; }
 

@@ -52,7 +52,6 @@ void StepFit::Run(const FrameRows& rows) {
 }
 
 FitArgs StepFit::Args() const {
-  const PhaseConfig& config = context_.config;
   FitArgs args;
   args.frames = frames_.data();
   args.cosines = cosines_.data();
@@ -63,12 +62,8 @@ FitArgs StepFit::Args() const {
   args.num_places = places_.empty() ? 0 : places_.back() + 1;
   args.sign = static_cast<float>(set_.sign);
   args.offset_cycles = static_cast<float>(set_.offset_rad / kTwoPi);
-  args.noise = NoiseOf(config);
-  args.limits.saturation_dn = context_.saturation_dn();
-  const auto square = [](double x) { return static_cast<float>(x * x); };
-  args.limits.min_modulation2 = square(config.min_modulation_sigma);
-  args.limits.max_residual2 = square(config.max_residual_sigma);
-  args.limits.harmonic2 = square(config.max_harmonic_ratio);
+  args.noise = NoiseOf(context_.config);
+  args.limits = context_.limits();
   return args;
 }
 

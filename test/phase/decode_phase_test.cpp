@@ -359,6 +359,31 @@ TEST(DecodePhase, RefusesWhatItCannotDecode) {
             kCancelled);
 }
 
+TEST(DecodePhase, WritesARecycledMapAnew) {
+  SyntheticScene scene;
+  scene.read_noise_dn = 3.0;
+  PhaseConfig config;
+  config.report_order_error = true;
+  const ImageStack gray = Synthesize(MakeTestSequence(true, "", 4), scene);
+  const ImageStack stack = Synthesize(MakeTestSequence(false, "1,4,16", 4), scene);
+  const PhaseMap fresh = DecodePhase(stack, {}).value();
+  PhaseMap old = DecodePhase(gray, config).value();
+  const float* memory = old.u.data();
+  const PhaseMap map = DecodePhase(stack, {}, NoProgress, std::move(old)).value();
+  EXPECT_EQ(map.u.data(), memory);
+  EXPECT_TRUE(map.order_error.empty());
+  EXPECT_EQ(std::memcmp(map.u.data(), fresh.u.data(), fresh.u.size() * sizeof(float)), 0);
+  EXPECT_EQ(std::memcmp(map.mask.data(), fresh.mask.data(), fresh.mask.size()), 0);
+  EXPECT_EQ(map.first_stamp_ns, fresh.first_stamp_ns);
+  scene.width = 80;
+  const ImageStack wider = Synthesize(MakeTestSequence(false, "1,4,16", 4), scene);
+  PhaseMap reused = map;
+  const PhaseMap other = DecodePhase(wider, {}, NoProgress, std::move(reused)).value();
+  EXPECT_EQ(other.u.width(), 80);
+  // What was moved from has sizes and no pixels.
+  EXPECT_TRUE(DecodePhase(stack, {}, NoProgress, std::move(reused)).has_value());  // NOLINT
+}
+
 TEST(DecodePhase, SameBytesOnAnyNumberOfThreads) {
   SyntheticScene scene;
   scene.read_noise_dn = 3.0;

@@ -23,6 +23,17 @@ TEST(FrameRows, LoadsBytesAndWords) {
   }
 }
 
+TEST(FrameRows, LoadsStretchesAndRepeatsTheLastPixel) {
+  test::RowFixture fixture(
+      test::Synthesize(test::MakeTestSequence(false, "1,8", 4), test::SyntheticScene{}));
+  const auto& image = std::get<Image<std::uint8_t>>(fixture.stack.frames[4].pixels);
+  fixture.rows.Load(7, 60);
+  for (int x = 0; x < 4; ++x) {
+    EXPECT_EQ(fixture.rows.frame(4)[x], static_cast<float>(image(60 + x, 7)));
+  }
+  EXPECT_EQ(fixture.rows.frame(4)[63], static_cast<float>(image(63, 7)));
+}
+
 TEST(FrameRows, TakesExtremesWithoutWhiteAndBlack) {
   ImageStack stack = test::Synthesize(test::MakeTestSequence(true, "", 4), test::SyntheticScene{});
   stack.sequence.frames.erase(stack.sequence.frames.begin(), stack.sequence.frames.begin() + 2);

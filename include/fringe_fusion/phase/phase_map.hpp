@@ -102,9 +102,12 @@ struct PhaseConfig {
 /// Decodes one view: every pixel's projector coordinates with their standard deviation.
 /// Frames may come in any order and at several exposures. A single frequency of several fringes is
 /// unwrapped over the image, and the map is marked as relative.
+/// @param recycled a map that is no longer needed: its memory is written anew where the size fits,
+///        which saves the system handing out fresh pages view after view.
 /// @return error when the stack does not fit its sequence, or codes no axis at all.
 /// Ref: science sections 2.1 (N-step), 2.3 (unwrapping), 2.4 (inverse variance), 2.7 (exposures).
 [[nodiscard]] Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
-                                           const Progress& progress = NoProgress);
+                                           const Progress& progress = NoProgress,
+                                           PhaseMap recycled = {});
 
 }  // namespace fringe_fusion
