@@ -234,6 +234,17 @@ std::vector<Eigen::Vector3d> CameraDirections() {
   return directions;
 }
 
+// The scan of the bunny has holes in its base: a ray that enters there meets the inner side of a
+// skin without thickness, which no solid object shows.
+bool FacesCamera(const Mesh& truth, const sim::RayHit& hit) {
+  const Eigen::Vector3i& face = truth.faces[static_cast<std::size_t>(hit.face)];
+  const auto corner = [&](int i) -> const Eigen::Vector3f& {
+    return truth.vertices[static_cast<std::size_t>(face[i])];
+  };
+  const Eigen::Vector3f outwards = (corner(1) - corner(0)).cross(corner(2) - corner(0));
+  return outwards.cast<double>().dot(hit.normal) > 0.0;
+}
+
 View RenderView(const sim::RayScene& scene, const ProofScene& proof, const Transform& T, int id,
                 double sigma_m) {
   View view;
@@ -254,7 +265,7 @@ View RenderView(const sim::RayScene& scene, const ProofScene& proof, const Trans
                 .normalized();
         const double error_m = noise(random);
         const auto hit = scene.Cast(T.translation(), T.linear() * ray);
-        if (!hit) continue;
+        if (!hit || !FacesCamera(proof.truth, *hit)) continue;
         const double range_m = (hit->point - T.translation()).norm() + error_m;
         view.range.points(x, y) = (ray * range_m).cast<float>();
         view.range.sigma_range(x, y) = static_cast<float>(sigma_m);
