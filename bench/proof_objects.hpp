@@ -30,7 +30,8 @@ struct ProofScene {
   int image_px = 0;  ///< width and height
 };
 
-/// Renders the views: noise along the ray of `sigma_m`, nothing seen from below.
+/// Renders the views: noise along the ray of `sigma_m`, nothing seen from below, no point where a
+/// ray meets the inner side of a face.
 /// @return error when the object is not usable.
 [[nodiscard]] Result<ProofScene> RenderProof(Mesh truth, double sigma_m);
 
