@@ -4,6 +4,7 @@
 #include <fringe_fusion/ViewStatus.h>
 #include <ros/console.h>
 
+#include <boost/make_shared.hpp>
 #include <chrono>
 #include <cmath>
 #include <thread>
@@ -12,6 +13,7 @@
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
+#include "fringe_fusion/ros_io/phase_messages.hpp"
 #include "fringe_fusion/ros_io/picture_messages.hpp"
 #include "fringe_fusion/ros_io/tf_lookup.hpp"
 #include "fringe_fusion/ros_io/view_messages.hpp"
@@ -56,6 +58,7 @@ Result<std::unique_ptr<PhaseNode>> PhaseNode::Create(ros::NodeHandle nh,
 PhaseNode::PhaseNode(ros::NodeHandle nh, const Configs& configs)
     : configs_(configs), nh_(std::move(nh)), tf_listener_(tf_buffer_, nh_), images_(nh_) {
   range_view_publisher_ = nh_.advertise<RangeView>("range_view", 4);
+  decoded_view_publisher_ = nh_.advertise<DecodedView>("decoded_view", 2);
   status_publisher_ = nh_.advertise<ViewStatus>("view_status", 100);
   points_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>("points/xyzrgba", 2);
   normals_publisher_ = nh_.advertise<sensor_msgs::PointCloud2>("normals/xyz", 2);
@@ -119,6 +122,7 @@ Result<int> PhaseNode::Reconstruct(const ImageStack& stack, const std::string& c
   Result<PhaseMap> phase = DecodePhase(stack, configs_.phase, NoProgress, std::move(last_phase_));
   if (!phase) return Forward(phase);
   last_phase_ = std::move(*phase);
+  PublishCodes(last_phase_, *calibration, stack, camera_frame);
   Result<TriangulationResult> triangulated =
       Triangulate(last_phase_, *calibration, configs_.triangulation);
   if (!triangulated) return Forward(triangulated);
@@ -174,6 +178,22 @@ Result<CellCalibration> PhaseNode::Calibration(const std::string& camera_frame) 
     return tl::unexpected<Error>(status.error());
   }
   return calibration;
+}
+
+void PhaseNode::PublishCodes(const PhaseMap& phase, const CellCalibration& calibration,
+                             const ImageStack& stack, const std::string& camera_frame) {
+  // Relative codes are off by unknown periods: no epipolar constraint holds.
+  if (phase.relative_u || phase.relative_v) return;
+  if (decoded_view_publisher_.getNumSubscribers() == 0) return;
+  ros_io::DecodedCodes codes;
+  codes.scan_id = stack.scan_id;
+  codes.view_id = stack.view_id;
+  codes.camera_frame = camera_frame;
+  codes.projector_frame = configs_.node.projector_frame;
+  codes.calibration = calibration;
+  // Shared: maps of many megapixels pass between nodelets without a copy.
+  decoded_view_publisher_.publish(
+      boost::make_shared<const DecodedView>(ros_io::ToMessage(phase, codes)));
 }
 
 void PhaseNode::PublishPictures(const PhaseMap& phase, const RangeImage& range,

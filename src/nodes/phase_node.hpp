@@ -53,6 +53,9 @@ class PhaseNode {
   [[nodiscard]] Result<int> Reconstruct(const ImageStack& stack, const std::string& camera_frame);
   /// Waits for the messages that hold the calibration.
   [[nodiscard]] Result<CellCalibration> Calibration(const std::string& camera_frame);
+  /// The codes for pose_node, where someone listens.
+  void PublishCodes(const PhaseMap& phase, const CellCalibration& calibration,
+                    const ImageStack& stack, const std::string& camera_frame);
   void PublishPictures(const PhaseMap& phase, const RangeImage& range,
                        const std::string& camera_frame);
 
@@ -70,6 +73,7 @@ class PhaseNode {
   StackAssembler assembler_;  ///< used by OnFrame alone
 
   ros::Publisher range_view_publisher_;
+  ros::Publisher decoded_view_publisher_;
   ros::Publisher status_publisher_;
   ros::Publisher points_publisher_;
   ros::Publisher normals_publisher_;

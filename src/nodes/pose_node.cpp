@@ -19,6 +19,17 @@
 namespace fringe_fusion::nodes {
 namespace {
 using Clock = std::chrono::steady_clock;
+
+Result<CalibrationWatch::Configs> LoadEpipolar(const ros::NodeHandle& private_nh) {
+  const auto epipolar = ros_io::LoadConfig<EpipolarConfig>(ros::NodeHandle(private_nh, "epipolar"));
+  if (!epipolar) return Forward(epipolar);
+  if (Status status = Validate(*epipolar); !status) return Forward(status);
+  const auto health = ros_io::LoadConfig<HealthConfig>(ros::NodeHandle(private_nh, "health"));
+  if (!health) return Forward(health);
+  const auto stations = ros_io::LoadConfig<StationsConfig>(ros::NodeHandle(private_nh, "stations"));
+  if (!stations) return Forward(stations);
+  return CalibrationWatch::Configs{*epipolar, *health, *stations};
+}
 }  // namespace
 
 Result<std::unique_ptr<PoseNode>> PoseNode::Create(ros::NodeHandle nh, ros::NodeHandle private_nh) {
@@ -30,15 +41,23 @@ Result<std::unique_ptr<PoseNode>> PoseNode::Create(ros::NodeHandle nh, ros::Node
   const auto registration =
       ros_io::LoadConfig<RegistrationConfig>(ros::NodeHandle(private_nh, "registration"));
   if (!registration) return Forward(registration);
-  return std::unique_ptr<PoseNode>(
-      new PoseNode(std::move(nh), std::move(private_nh), Configs{*node, *prior, *registration}));
+  const auto epipolar = LoadEpipolar(private_nh);
+  if (!epipolar) return Forward(epipolar);
+  const Configs configs{*node, *prior, *registration, *epipolar};
+  return std::unique_ptr<PoseNode>(new PoseNode(std::move(nh), std::move(private_nh), configs));
 }
 
 PoseNode::PoseNode(ros::NodeHandle nh, ros::NodeHandle private_nh, const Configs& configs)
     : configs_(configs),
       nh_(std::move(nh)),
       tf_buffer_(ros::Duration(configs.node.tf_cache_s)),
-      tf_listener_(tf_buffer_, nh_) {
+      tf_listener_(tf_buffer_, nh_),
+      coded_views_(static_cast<std::size_t>(configs.node.max_coded_views)),
+      epipolar_services_(nh_, configs.epipolar, coded_views_,
+                         [this](int view_id, const std::vector<Match>& matches, double timeout_s) {
+                           return LitPointsOf(view_id, matches, timeout_s);
+                         }),
+      calibration_watch_(nh_, private_nh, configs.epipolar, coded_views_) {
   view_publisher_ = nh_.advertise<RangeView>("view", 4);
   poses_publisher_ = nh_.advertise<ViewPoses>("view_poses", 1, /*latch=*/true);
   state_publisher_ = nh_.advertise<StageState>("pose_state", 1, /*latch=*/true);
@@ -49,6 +68,7 @@ PoseNode::PoseNode(ros::NodeHandle nh, ros::NodeHandle private_nh, const Configs
                                   [this](const ros::TimerEvent& /*event*/) {
                                     const std::lock_guard<std::mutex> lock(mutex_);
                                     BroadcastViewFrames();
+                                    epipolar_services_.BroadcastFrames();
                                   });
   priors_subscriber_ = nh_.subscribe<ViewPoses>(
       "view_priors", 100, [this](const ViewPoses::ConstPtr& message) { OnPriors(*message); });
@@ -140,6 +160,16 @@ void PoseNode::OnPriors(const ViewPoses& message) {
   }
 }
 
+Result<std::vector<LitPoint>> PoseNode::LitPointsOf(int view_id, const std::vector<Match>& matches,
+                                                    double timeout_s) {
+  std::unique_lock<std::mutex> lock(mutex_);
+  const bool there =
+      views_changed_.wait_for(lock, std::chrono::duration<double>(std::max(0.0, timeout_s)),
+                              [&] { return views_.count(view_id) > 0; });
+  if (!there) return Fail("no view {} among the {} of scan '{}'", view_id, views_.size(), scan_id_);
+  return MakeLitPoints(views_.at(view_id).range, matches);
+}
+
 bool PoseNode::OnOptimize(OptimizeViews::Request& request, OptimizeViews::Response& response) {
   const Result<RegistrationResult> result = Register(request);
   response.success = static_cast<std::uint8_t>(result.has_value());
@@ -203,6 +233,8 @@ bool PoseNode::OnReset(std_srvs::Trigger::Request& /*request*/,
   response.success = 1;
   file_priors_.clear();
   StartScan("");
+  coded_views_.Clear();
+  epipolar_services_.Clear();
   // Latched: no one who comes later shall take the poses of a scan that is over.
   ViewPoses none;
   none.header.frame_id = configs_.node.object_frame;

@@ -19,16 +19,20 @@
 #include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/registration/register_views.hpp"
 #include "fringe_fusion/ros_io/pose_prior.hpp"
+#include "nodes/calibration_watch.hpp"
+#include "nodes/coded_views.hpp"
+#include "nodes/epipolar_services.hpp"
 
 namespace fringe_fusion::nodes {
 
-/// Parameters of pose_node beside `registration` and `prior`. File: config/pose.yaml.
+/// Parameters of pose_node beside those of the stages. File: config/pose.yaml.
 struct PoseNodeConfig {
   std::string object_frame = "object";
   double tf_timeout_s = 2.0;            ///< wait for tf at the stamp of a view
   double tf_cache_s = 600.0;            ///< how far back a slow view may look
   double view_frames_rate_hz = 1.0;     ///< of the view_NNN frames in tf
   double optimize_min_timeout_s = 0.1;  ///< least wait of optimize_views for views on their way
+  int max_coded_views = 24;             ///< whose codes are kept for the epipolar services
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
@@ -37,11 +41,13 @@ struct PoseNodeConfig {
     field("tf_cache_s", tf_cache_s, 1.0, 86400.0);
     field("view_frames_rate_hz", view_frames_rate_hz, 0.01, 100.0);
     field("optimize_min_timeout_s", optimize_min_timeout_s, 0.0, 3600.0);
+    field("max_coded_views", max_coded_views, 1, 10000);
   }
 };
 
 /// Says where every view was taken from: first by the device (tf, or the file of a resumed scan),
-/// then by registering all views at once.
+/// then by registering all views at once. Beside it: the health of the calibration and the epipolar
+/// services, by the codes of every view.
 class PoseNode {
  public:
   [[nodiscard]] static Result<std::unique_ptr<PoseNode>> Create(ros::NodeHandle nh,
@@ -52,6 +58,7 @@ class PoseNode {
     PoseNodeConfig node;
     ros_io::PosePriorConfig prior;
     RegistrationConfig registration;
+    CalibrationWatch::Configs epipolar;
   };
   PoseNode(ros::NodeHandle nh, ros::NodeHandle private_nh, const Configs& configs);
 
@@ -64,6 +71,9 @@ class PoseNode {
   [[nodiscard]] Result<int> AcceptView(const RangeView& message);
   [[nodiscard]] Result<Pose> PriorOf(const RangeView& message);
   [[nodiscard]] std::optional<Transform> PriorFromFile(const RangeView& message);
+  [[nodiscard]] Result<std::vector<LitPoint>> LitPointsOf(int view_id,
+                                                          const std::vector<Match>& matches,
+                                                          double timeout_s);
   [[nodiscard]] Result<RegistrationResult> Register(const OptimizeViews::Request& request);
   /// Publishes the solution and remembers it. Needs the lock.
   ViewPoses Announce(const RegistrationResult& result);
@@ -86,6 +96,10 @@ class PoseNode {
   std::map<int, Transform> file_priors_;  ///< of scan file_priors_scan_id_
   std::string file_priors_scan_id_;
   std::uint32_t revision_ = 0;
+
+  CodedViews coded_views_;
+  EpipolarServices epipolar_services_;
+  CalibrationWatch calibration_watch_;
 
   ros::Publisher view_publisher_;
   ros::Publisher poses_publisher_;

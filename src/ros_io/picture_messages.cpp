@@ -29,6 +29,24 @@ sensor_msgs::Image ToMessage(const Image<float>& image, const std_msgs::Header& 
   return CopyImage(image, header, sensor_msgs::image_encodings::TYPE_32FC1);
 }
 
+Result<Image<float>> FloatImageFromMessage(const sensor_msgs::Image& message,
+                                           const std::string& owner) {
+  if (message.data.empty() && message.width == 0 && message.height == 0) return Image<float>();
+  if (message.encoding != sensor_msgs::image_encodings::TYPE_32FC1 || message.is_bigendian != 0) {
+    return Fail("{}: encoding '{}' must be 32FC1, little-endian", owner, message.encoding);
+  }
+  constexpr std::uint32_t kMaxSidePx = 1U << 16U;
+  const std::size_t expected = std::size_t{message.width} * message.height * sizeof(float);
+  if (message.width > kMaxSidePx || message.height > kMaxSidePx ||
+      message.step != message.width * sizeof(float) || message.data.size() != expected) {
+    return Fail("{}: {} bytes in rows of {} do not make {} x {} px of 4 bytes", owner,
+                message.data.size(), message.step, message.width, message.height);
+  }
+  Image<float> image(static_cast<int>(message.width), static_cast<int>(message.height));
+  std::memcpy(image.data(), message.data.data(), expected);
+  return image;
+}
+
 sensor_msgs::Image ToMessage(const Image<Rgb8>& image, const std_msgs::Header& header) {
   static_assert(sizeof(Rgb8) == 3, "rgb8 is three bytes");
   return CopyImage(image, header, sensor_msgs::image_encodings::RGB8);

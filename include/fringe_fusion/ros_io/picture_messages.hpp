@@ -7,6 +7,7 @@
 #include <string>
 
 #include "fringe_fusion/common/image.hpp"
+#include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
 
 namespace fringe_fusion::ros_io {
@@ -14,6 +15,11 @@ namespace fringe_fusion::ros_io {
 /// 32FC1; NaN stays NaN.
 [[nodiscard]] sensor_msgs::Image ToMessage(const Image<float>& image,
                                            const std_msgs::Header& header);
+/// Inverse of the above; a picture without data becomes an empty image.
+/// @param owner names the picture in the message of an error.
+/// @return error for another encoding or byte order, or sizes that do not fit the data.
+[[nodiscard]] Result<Image<float>> FloatImageFromMessage(const sensor_msgs::Image& message,
+                                                         const std::string& owner);
 /// rgb8.
 [[nodiscard]] sensor_msgs::Image ToMessage(const Image<Rgb8>& image,
                                            const std_msgs::Header& header);
