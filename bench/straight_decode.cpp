@@ -1,5 +1,6 @@
 #include "bench/straight_decode.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -82,6 +83,18 @@ AxisMap DecodeAxis(const std::map<double, FourSteps>& sets, double size_px,
 }
 
 }  // namespace
+
+std::array<cv::Mat, 4> FinestSteps(const ImageStack& stack) {
+  std::array<cv::Mat, 4> steps;
+  double finest = 0.0;
+  for (const Pattern& pattern : stack.sequence.frames) finest = std::max(finest, pattern.fringes);
+  for (std::size_t i = 0; i < stack.frames.size(); ++i) {
+    const Pattern& pattern = stack.sequence.frames[i];
+    if (pattern.axis != Axis::kU || pattern.fringes != finest) continue;
+    steps[static_cast<std::size_t>(pattern.step)] = FloatImage(stack.frames[i]);
+  }
+  return steps;
+}
 
 StraightMap DecodeStraight(const ImageStack& stack, const PhaseConfig& config) {
   std::map<double, FourSteps> u_sets;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <opencv2/core.hpp>
 
 #include "fringe_fusion/capture/image_stack.hpp"
@@ -12,6 +13,9 @@ struct StraightMap {
   cv::Mat u, v, sigma_u, sigma_v, offset, modulation;
   cv::Mat mask;  ///< 8 bit, 255 where valid
 };
+
+/// The four steps of the finest set of u as 32-bit floats.
+[[nodiscard]] std::array<cv::Mat, 4> FinestSteps(const ImageStack& stack);
 
 /// The decode of DecodePhase as one writes it down with OpenCV, image by image: four-step phases,
 /// nearest fringe orders from coarse to fine, inverse variances, contrast, modulation and order
