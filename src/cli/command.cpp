@@ -58,6 +58,16 @@ CLI::Validator AtLeastZero() {
       ">= 0");
 }
 
+bool Session::StatesKey(const std::string& stage, const std::string& key) const {
+  if (!HasStage(stage)) return false;
+  try {
+    const YAML::Node root = YAML::LoadFile(StageFile(stage));
+    return root.IsMap() && root[key].IsDefined();
+  } catch (const YAML::Exception&) {
+    return false;  // LoadStage says what is wrong with the file.
+  }
+}
+
 void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config) {
   command.add_option("--json", options.json_file, "Write the figures of the run to this file")
       ->type_name("FILE");
@@ -66,8 +76,8 @@ void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config) {
         .add_option(
             "--config", options.config_folder,
             "Folder with settings: each stage reads its <stage>.yaml there, if present; keys "
-            "that it does not have keep their defaults (default: the folder settings/ of "
-            "the scan)")
+            "that it does not have keep their defaults (default: the folder settings/ of the "
+            "scan, where there is a scan)")
         ->type_name("DIR");
   }
   command.add_option("--threads", options.threads, "Threads to use, 0: all cores")

@@ -38,6 +38,8 @@ class Session {
   [[nodiscard]] bool HasStage(const std::string& stage) const {
     return !config_folder_.empty() && std::filesystem::exists(StageFile(stage));
   }
+  /// Whether the settings state a key, which then is no default.
+  [[nodiscard]] bool StatesKey(const std::string& stage, const std::string& key) const;
   /// Takes the settings that lie with a scan, SCAN/settings/, unless --config was given.
   void AdoptSettings(const std::string& scan) {
     const std::filesystem::path folder = std::filesystem::path(scan) / "settings";

@@ -32,9 +32,10 @@ void Declare(CLI::App& command, FuseOptions& options) {
       ->check(CLI::IsMember({"gie"}))
       ->capture_default_str();
   command
-      .add_option("--voxel", options.voxel_m,
-                  "Edge of a voxel [m] (default: fusion.yaml of --config, else the median distance "
-                  "of neighbouring points)")
+      .add_option(
+          "--voxel", options.voxel_m,
+          "Edge of a voxel [m] (default: voxel_m where fusion.yaml of --config states it, else "
+          "the spacing of the points)")
       ->check(CLI::Range(1e-6, 10.0))
       ->type_name("M");
 }

@@ -56,7 +56,7 @@ Result<FuseConfig> LoadFuseConfig(const Session& session, double voxel_m) {
   if (!crop) return Forward(crop);
   const auto surface = session.LoadStage<SurfaceConfig>("surface");
   if (!surface) return Forward(surface);
-  FuseConfig config{*fusion, *crop, *surface, session.HasStage("fusion")};
+  FuseConfig config{*fusion, *crop, *surface, session.StatesKey("fusion", "voxel_m")};
   if (voxel_m != 0.0) {
     config.fusion.voxel_m = voxel_m;
     config.voxel_is_given = true;

@@ -59,6 +59,7 @@ double UnitMetres(const std::string& unit) { return unit == "mm" ? 1e-3 : 1.0; }
 
 /// A hint where the sizes of mesh and reference differ as only units do; "" elsewhere.
 std::string UnitAdvice(const InspectOptions& options, const Mesh& mesh, const Mesh& reference) {
+  if (mesh.vertices.empty() || reference.vertices.empty()) return "";
   constexpr double kUnlikelyRatio = 30.0;
   const double ratio = BoxDiagonal(mesh) / BoxDiagonal(reference);
   const bool too_small = ratio > kUnlikelyRatio;

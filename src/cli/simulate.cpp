@@ -96,6 +96,7 @@ Status Simulate(const SimulateOptions& options, Session& session) {
   if (!folder) return tl::unexpected(folder.error());
   const auto object = sim::MakeObject(options.object);
   if (!object) return tl::unexpected(object.error());
+  if (object->faces.empty()) return Fail("--object {}: has no faces", options.object);
   session.console.Begin("simulate", 1);
   if (Status status = sim::SimulateScan(*config, *object, folder->path(), session.console.Part(0));
       !status) {

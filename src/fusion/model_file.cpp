@@ -3,6 +3,9 @@
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <utility>
@@ -88,8 +91,10 @@ openvdb::MetaMap MakeMetadata(const ImplicitModel& model, const ModelOrigin& ori
 }
 
 Result<openvdb::MetaMap> ReadMetadata(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return Fail("'{}': is a folder", path);
   std::ifstream file(path, std::ios::binary);
-  if (!file) return Fail("{}: cannot be opened", path);
+  if (!file) return Fail("'{}': cannot be opened: {}", path, std::strerror(errno));
   try {
     openvdb::initialize();
     openvdb::io::Stream stream(file, /*delayLoad=*/false);
@@ -104,6 +109,9 @@ Result<openvdb::MetaMap> ReadMetadata(const std::string& path) {
 }  // namespace
 
 Status SaveModel(const ImplicitModel& model, const std::string& path, const ModelOrigin& origin) {
+  if (std::filesystem::path(path).extension() != ".vdb") {
+    return Fail("'{}': the file of a model must end in .vdb", path);
+  }
   return WriteAtomically(path, [&](std::ostream& out) -> Status {
     try {
       openvdb::initialize();

@@ -9,6 +9,7 @@
 
 #include "border_taper.hpp"
 #include "fringe_fusion/common/parallel.hpp"
+#include "fringe_fusion/triangulation/point_spacing.hpp"
 #include "kernel_sums.hpp"
 #include "normal_noise.hpp"
 #include "sample_cells.hpp"
@@ -124,7 +125,9 @@ Status CheckExtent(const View& view, const FusionConfig& config) {
 }
 
 Result<double> KernelRadius(const View& view, const FusionConfig& config) {
-  const double spacing_m = PointSpacing(view.range);
+  const double fill_ratio = FillRatio(view.range);
+  const double spacing_m =
+      PointSpacing(view.range) / (fill_ratio > 0.0 ? std::sqrt(fill_ratio) : 1.0);
   const double needed = kMinRadiusInSpacings * spacing_m / config.voxel_m;
   if (!(needed <= kMaxRadiusVoxels)) {
     return Fail(

@@ -107,6 +107,9 @@ Result<ViewDescription> ReadViewDescriptionFile(const std::string& path) {
   if (fields.Has("prior")) {
     fields.Nested("prior", [&](YamlFields& prior) { ReadPose(prior, view.prior.emplace()); });
   }
+  for (const auto stamp_ns : view.stamps_ns) {
+    if (stamp_ns < 0) fields.Reject(fmt::format("stamps_ns has {}, must be >= 0", stamp_ns));
+  }
   if (Status status = fields.Finish(); !status) return tl::unexpected<Error>(status.error());
   if (Status status = CheckDescription(view, path); !status) {
     return tl::unexpected<Error>(status.error());

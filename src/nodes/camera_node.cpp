@@ -130,10 +130,12 @@ Result<CapturedFrame> CameraNode::CaptureFrame(const Capture::Request& request) 
     const std::lock_guard<std::mutex> lock(state_mutex_);
     settings = settings_;
   }
-  if (!(request.exposure >= 0.0)) return Fail("exposure {} s must be >= 0", request.exposure);
-  if (!(request.gain >= 0.0)) return Fail("gain {} must be >= 0", request.gain);
-  if (!(request.timeout.toSec() >= 0.0)) {
-    return Fail("timeout {} s must be >= 0", request.timeout.toSec());
+  CameraNodeConfig wanted = config_;  // The limits of the parameters are those of a request.
+  if (request.exposure != 0.0) wanted.exposure_s = request.exposure;
+  if (request.gain != 0.0) wanted.gain = request.gain;
+  if (!request.timeout.isZero()) wanted.timeout_s = request.timeout.toSec();
+  if (Status status = CheckBounds(wanted, "capture"); !status) {
+    return tl::unexpected<Error>(status.error());
   }
   if (request.exposure > 0.0) settings.exposure_s = request.exposure;
   if (request.gain > 0.0) settings.gain = request.gain;

@@ -136,6 +136,10 @@ void CellSimNode::OnJointState(const sensor_msgs::JointStateConstPtr& message) {
 }
 
 Result<CapturedFrame> CellSimNode::Expose(double exposure_s) {
+  constexpr double kMaxExposureS = 10.0;  // It is waited for in real time.
+  if (!(exposure_s > 0.0 && exposure_s <= kMaxExposureS)) {
+    return Fail("exposure {} s must be above 0 and at most {}", exposure_s, kMaxExposureS);
+  }
   const std::lock_guard<std::mutex> lock(cell_mutex_);
   if (Status status = UpdatePose(); !status) return tl::unexpected<Error>(status.error());
   const ros::WallTime begin = ros::WallTime::now();

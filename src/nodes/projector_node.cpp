@@ -97,6 +97,8 @@ bool ProjectorNode::OnLoadSequence(LoadSequence::Request& request,
 }
 
 Status ProjectorNode::Load(const PatternList& message) {
+  // Every view loads its sequence; the same one is rendered once.
+  if (!pictures_.empty() && message == loaded_) return {};
   // A refused sequence leaves none behind: showing the former one would mislabel every frame.
   pictures_.clear();
   const Result<PatternSequence> sequence = ros_io::FromMessage(message);
@@ -109,6 +111,7 @@ Status ProjectorNode::Load(const PatternList& message) {
   for (const Pattern& pattern : sequence->frames) {
     pictures_.push_back(RenderPattern(pattern, sequence->width, sequence->height, config_.gamma));
   }
+  loaded_ = message;
   return {};
 }
 

@@ -60,6 +60,7 @@ class ProjectorNode {
   std::mutex projector_mutex_;  // One picture at a time; guards pictures_.
   std::unique_ptr<Projector> projector_;
   std::vector<Image<std::uint8_t>> pictures_;
+  PatternList loaded_;  ///< what pictures_ show
 
   std::mutex state_mutex_;  // Guards what the diagnostics show.
   std::string last_error_;

@@ -193,9 +193,11 @@ double RepeatRatio(const std::vector<double>& fringes, double tolerance_ratio) {
 }
 
 Status Validate(const PatternSequence& sequence, const std::string& owner) {
-  if (sequence.width < 1 || sequence.height < 1) {
-    return Fail("{}: projector size {} x {} must be at least 1 x 1", owner, sequence.width,
-                sequence.height);
+  constexpr int kMaxSizePx = 16384;  // No projector has more; pictures beyond eat the memory.
+  if (sequence.width < 1 || sequence.height < 1 || sequence.width > kMaxSizePx ||
+      sequence.height > kMaxSizePx) {
+    return Fail("{}: projector size {} x {} px must be from 1 x 1 to {} x {}", owner,
+                sequence.width, sequence.height, kMaxSizePx, kMaxSizePx);
   }
   if (sequence.frames.empty()) return Fail("{}: no frames", owner);
   std::map<Axis, AxisCode> codes;

@@ -159,6 +159,15 @@ TEST_F(Commands, FuseSavesAModelThatGivesTheMeshAgain) {
   EXPECT_NE(refused.err.find("--voxel and --model do not apply"), std::string::npos) << refused.err;
 }
 
+TEST_F(Commands, SettingsWithoutAVoxelLeaveItToThePoints) {
+  ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("auto.ply")}));
+  fs::create_directories(Path("order"));
+  WriteBytes(Path("order/fusion.yaml"), "order: 2  # the default\n");
+  ExpectSuccess(RunFringe(
+      {"fuse", "--views", Path("scan"), "--out", Path("order.ply"), "--config", Path("order")}));
+  EXPECT_EQ(ReadBytes(Path("auto.ply")), ReadBytes(Path("order.ply")));
+}
+
 TEST_F(Commands, InspectReadsMillimetres) {
   Mesh square;
   square.vertices = {{0, 0, 0}, {0.1F, 0, 0}, {0.1F, 0.1F, 0}, {0, 0.1F, 0}};

@@ -46,6 +46,13 @@ TEST(ModelFile, ComesBackAsItWas) {
   EXPECT_EQ(testing::Dump(*loaded), testing::Dump(model));
 }
 
+TEST(ModelFile, WantsItsSuffix) {
+  const test_support::TempFolder folder;
+  const Status status = SaveModel(Fuse({Views()[0]}), folder / "model");
+  ASSERT_FALSE(status);
+  EXPECT_NE(status.error().message.find("must end in .vdb"), std::string::npos);
+}
+
 TEST(ModelFile, AnEmptyModelComesBackToo) {
   const test_support::TempFolder folder;
   const std::string path = folder / "empty.vdb";

@@ -50,7 +50,8 @@ TEST(LoadConfigFile, PartialFilesAreCheckedLikeWholeOnes) {
   EXPECT_EQ(complaint("limit: 1.5\n"), path + ": unknown key 'limit'");
   EXPECT_EQ(complaint("steps: 2\n"), path + ": steps = 2 is outside [3, 64]");
   EXPECT_EQ(complaint("steps: many\n"),
-            path + ": key 'steps' has the value 'many' of the wrong type");
+            path + ": key 'steps' has the value 'many', must be a whole number");
+  EXPECT_EQ(complaint("steps: 4\nsteps: 5\n"), path + ": the key 'steps' occurs twice");
 }
 
 }  // namespace

@@ -73,9 +73,11 @@ TEST(PatternsYaml, NamesFileFrameAndFieldOfEveryFault) {
     return MessageOf(ReadPatterns(path));
   };
   EXPECT_EQ(complaint("width: 64", "width: 0"),
-            path + ": projector size 0 x 32 must be at least 1 x 1");
+            path + ": projector size 0 x 32 px must be from 1 x 1 to 16384 x 16384");
   EXPECT_EQ(complaint("height: 32", "height: -1"),
-            path + ": projector size 64 x -1 must be at least 1 x 1");
+            path + ": projector size 64 x -1 px must be from 1 x 1 to 16384 x 16384");
+  EXPECT_EQ(complaint("width: 64", "width: 100000"),
+            path + ": projector size 100000 x 32 px must be from 1 x 1 to 16384 x 16384");
   EXPECT_EQ(complaint("kind: black", "kind: dark"),
             path + ": frame 1: kind = dark must be white, black, gray, phase or micro");
   EXPECT_EQ(complaint("axis: u", "axis: w"), path + ": frame 2: axis = w must be u or v");

@@ -87,6 +87,8 @@ TEST(ViewYaml, NamesFileFieldAndValueOfEveryFault) {
   EXPECT_EQ(complaint("exposures_s: [", "exposures_s: [-1, "),
             path + ": exposures_s has -1, must be >= 0");
   EXPECT_EQ(complaint("gains: [", "gains: [0, "), path + ": gains has 0, must be positive");
+  EXPECT_EQ(complaint("stamps_ns: [", "stamps_ns: [-5, "),
+            path + ": stamps_ns has -5, must be >= 0");
   EXPECT_EQ(complaint("stamps_ns: [", "stamps_ns: [1.5, ").rfind(path + ": stamps_ns = ", 0), 0U);
   EXPECT_EQ(complaint("sigma_rotation_rad: 0.001", "sigma_rotation_rad: -1"),
             path + ": prior: sigma_rotation_rad = -1 must be at least 0");

@@ -365,6 +365,17 @@ TEST(MotionNode, StopsWhenCancelled) {
   MoveTo(0.0);  // The next motion works.
 }
 
+TEST(CameraNode, RefusesAnExposureThatNoOneWouldWaitFor) {
+  Capture::Request request;
+  request.exposure = 1e9;
+  const auto refused = Call<Capture>("camera_node/capture", request);
+  EXPECT_FALSE(refused.success);
+  EXPECT_NE(refused.message.find("exposure_s = 1000000000 is outside [1e-05, 10]"),
+            std::string::npos)
+      << refused.message;
+  EXPECT_TRUE(CaptureBy("camera_node", 20.0).success);
+}
+
 TEST(CameraNode, TellsThatTheDeviceIsAbsentBeforeAnyPicture) {
   ros::NodeHandle nh;
   const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(30.0);

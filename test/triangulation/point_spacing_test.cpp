@@ -35,6 +35,16 @@ TEST(MedianPointSpacing, IgnoresAGapInTheSurface) {
   EXPECT_NEAR(MedianPointSpacing({&grid}), 0.0005, 1e-7);
 }
 
+TEST(MedianPointSpacing, GrowsWhereOnePixelInFourCarriesAPoint) {
+  RangeImage grid = MakeGrid(80, 60, 0.0005F);
+  for (int y = 0; y < 60; ++y) {
+    for (int x = 0; x < 80; ++x) {
+      if (x % 2 != 0 || y % 2 != 0) grid.points(x, y).setConstant(std::nanf(""));
+    }
+  }
+  EXPECT_NEAR(MedianPointSpacing({&grid}), 0.001, 1.5e-4);
+}
+
 TEST(MedianPointSpacing, IsNanWithoutNeighbours) {
   const RangeImage empty = MakeRangeImage(4, 4);
   EXPECT_TRUE(std::isnan(MedianPointSpacing({&empty})));

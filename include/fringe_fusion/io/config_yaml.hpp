@@ -34,21 +34,39 @@ class YamlReader {
     try {
       value = field.as<T>();
     } catch (const YAML::Exception&) {
-      status_ = Fail("{}: key '{}' has the value '{}' of the wrong type", owner_, name,
-                     field.IsScalar() ? field.Scalar() : "(not a scalar)");
+      status_ = Fail("{}: key '{}' has the value '{}', must be {}", owner_, name, Shown(field),
+                     Expected(value));
     }
   }
 
   [[nodiscard]] Status Finish() const {
     if (!status_) return status_;
+    std::set<std::string> seen;
     for (const auto& entry : node_) {
       const auto key = entry.first.as<std::string>();
       if (known_.count(key) == 0) return Fail("{}: unknown key '{}'", owner_, key);
+      if (!seen.insert(key).second) return Fail("{}: the key '{}' occurs twice", owner_, key);
     }
     return {};
   }
 
  private:
+  static std::string Shown(const YAML::Node& node) {
+    YAML::Emitter emitter;
+    emitter.SetSeqFormat(YAML::Flow);
+    emitter.SetMapFormat(YAML::Flow);
+    emitter << node;
+    return emitter.c_str();
+  }
+  static std::string Expected(const bool& /*value*/) { return "true or false"; }
+  static std::string Expected(const int& /*value*/) { return "a whole number"; }
+  static std::string Expected(const double& /*value*/) { return "a number"; }
+  static std::string Expected(const std::string& /*value*/) { return "a text"; }
+  template <std::size_t N>
+  static std::string Expected(const std::array<double, N>& /*value*/) {
+    return fmt::format("a list of {} numbers", N);
+  }
+
   YAML::Node node_;
   std::string owner_;
   MissingKeys missing_;
