@@ -155,13 +155,14 @@ Status Conclude(const Bundle& bundle, const BundleState& state, const StationsCo
   }
   const int dof = 2 * system.num_inliers - system.num_tracks - static_cast<int>(hessian.rows());
   solution.reduced_chi2 = system.chi2 / std::max(1, dof);
-  const Eigen::MatrixXd covariance =
+  solution.joint_covariance =
       std::max(1.0, solution.reduced_chi2) * (basis * hessian.inverse() * basis.transpose());
   solution.devices = state.devices;
   solution.T_station_anchor = state.T_station_anchor;
   solution.depth_m = state.depth_m;
   solution.num_tracks = system.num_tracks;
   solution.rms_px = std::sqrt(system.sum_px2 / std::max(1, 2 * system.num_inliers));
+  const Eigen::MatrixXd& covariance = solution.joint_covariance;
   solution.sigma_intrinsics = covariance.diagonal().head<8>().cwiseSqrt();
   for (std::size_t i = 0; i < state.T_station_anchor.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(8 + 6 * i);

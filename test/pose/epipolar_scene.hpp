@@ -50,6 +50,14 @@ inline EpipolarScene MakeEpipolarScene(double relief_m = 0.035) {
   return scene;
 }
 
+/// The projector looks up by `pitch_deg` out of the plane of the camera's axis and the baseline.
+inline EpipolarScene PitchedScene(double pitch_deg, double relief_m = 0.035) {
+  EpipolarScene scene = MakeEpipolarScene(relief_m);
+  scene.T_projector_camera =
+      LookFrom({0.22, 0.0, 0.0}, {0.0, 0.0, 0.7}, {pitch_deg * M_PI / 180.0, 0.0, 0.0});
+  return scene;
+}
+
 /// Standard deviations (sigma_u, sigma_v) of match number i [px].
 using SigmaOf = std::function<Eigen::Vector2d(int i)>;
 inline SigmaOf SameSigma(double sigma_px) {

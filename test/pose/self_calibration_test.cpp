@@ -9,17 +9,10 @@ namespace {
 
 using testing::EpipolarScene;
 using testing::MakeMatches;
+using testing::PitchedScene;
 using testing::SameSigma;
 
 const IntrinsicsPrior kFreeFocal{kFree, 0.0, 0.0};
-
-/// The projector looks up by `pitch_deg` out of the plane of the camera's axis and the baseline.
-EpipolarScene PitchedScene(double pitch_deg, double relief_m = 0.035) {
-  EpipolarScene scene = testing::MakeEpipolarScene(relief_m);
-  scene.T_projector_camera =
-      testing::LookFrom({0.22, 0.0, 0.0}, {0.0, 0.0, 0.7}, {pitch_deg * M_PI / 180.0, 0.0, 0.0});
-  return scene;
-}
 
 DevicePair Nominal(const DevicePair& truth, double anchor_factor, double observed_factor) {
   DevicePair nominal = truth;

@@ -5,39 +5,15 @@
 #include <Eigen/Cholesky>
 #include <limits>
 
-#include "test/pose/epipolar_scene.hpp"
+#include "test/pose/lit_scene.hpp"
 
 namespace fringe_fusion {
 namespace {
 
-const CameraModel kProjector{1280, 800, 1900.0, 1900.0, 639.5, 399.5, {-0.05, 0.02, 0.0, 0.0, 0.0}};
+using testing::FarProjector;
+using testing::Lit;
 
-std::vector<LitPoint> Lit(const Transform& T_projector_rig, int grid, unsigned seed) {
-  std::mt19937 engine(seed);
-  std::normal_distribution<double> unit;
-  const auto depth = testing::Relief(0.035);
-  constexpr double kSigmaPx = 0.1;
-  constexpr double kSigmaM = 2e-5;
-  std::vector<LitPoint> points;
-  for (int y = 0; y < grid; ++y) {
-    for (int x = 0; x < grid; ++x) {
-      const Eigen::Vector2d ray(0.36 * ((x + 0.5) / grid - 0.5), 0.3 * ((y + 0.5) / grid - 0.5));
-      const Eigen::Vector3d point = depth(ray) * ray.homogeneous();
-      LitPoint lit;
-      lit.projector_px = Project(kProjector, T_projector_rig * point) +
-                         kSigmaPx * Eigen::Vector2d(unit(engine), unit(engine));
-      lit.covariance_px2 = kSigmaPx * kSigmaPx * Eigen::Matrix2d::Identity();
-      lit.point_rig = point + kSigmaM * Eigen::Vector3d(unit(engine), unit(engine), unit(engine));
-      lit.covariance_m2 = kSigmaM * kSigmaM * Eigen::Matrix3d::Identity();
-      points.push_back(lit);
-    }
-  }
-  return points;
-}
-
-Transform FarProjector() {
-  return testing::LookFrom({-0.35, 0.1, -0.2}, {0.0, 0.0, 0.7}, {0.02, 0.0, 0.1});
-}
+const CameraModel kProjector = testing::LitProjector();
 
 TEST(EstimateViewPose, StatesItsErrorTruly) {
   const Transform truth = FarProjector();

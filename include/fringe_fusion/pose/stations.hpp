@@ -86,6 +86,8 @@ struct StationsSolution {
   std::vector<Transform> T_station_anchor;
   /// Of the right perturbations; station 0 has none along its translation (the scale).
   std::vector<Matrix6d> covariance;
+  /// Of everything: intrinsics as below, then the right perturbations; zero where held.
+  Eigen::MatrixXd joint_covariance;
   std::vector<double> depth_m;  ///< per track, along z of the anchor; NaN: not determined
   /// Standard deviations: anchor log f, cx, cy, k1, then the same of the moving device; 0: held.
   Eigen::Matrix<double, 8, 1> sigma_intrinsics = Eigen::Matrix<double, 8, 1>::Zero();
