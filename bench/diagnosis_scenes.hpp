@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "fringe_fusion/sim/gauges.hpp"
@@ -201,12 +202,31 @@ inline void InjectIntoDevices(Fault fault, int strength, DiagnosisScene& scene) 
   if (fault == Fault::kResolution) config.panel_scale = level({0.95, 1.2, 0.8});
 }
 
+/// Grey value over full scale that a tenth of the lit pixels exceed in the white picture at 20 ms.
+inline double WhiteLevel(sim::SimCell& cell) {
+  const CameraModel& projector = cell.calibration().projector;
+  const Image<std::uint8_t> white(projector.width, projector.height, 255);
+  const Result<CapturedFrame> frame = cell.Expose(white, 0.02, 0);
+  if (!frame) throw std::runtime_error(frame.error().message);
+  std::vector<double> levels;
+  std::visit([&](const auto& pixels) { levels.assign(pixels.begin(), pixels.end()); },
+             frame->pixels);
+  std::sort(levels.begin(), levels.end());
+  const double floor = 0.2 * levels[levels.size() - levels.size() / 500];
+  const auto lit = static_cast<std::size_t>(levels.end() -
+                                            std::upper_bound(levels.begin(), levels.end(), floor));
+  return levels[levels.size() - 1 - lit / 10] / ((1 << frame->bit_depth) - 1);
+}
+
 /// Exposure time of a scene with a fault [s]. Lamp and projector are seen for whole periods unless
-/// the fault is that they are not.
-inline double ExposureOf(Fault fault, int strength) {
-  constexpr std::array<double, kNumStrengths> kBright{1.8, 2.5, 3.5};
+/// the fault is that they are not. What saturates depends on the part: an exposure is too long when
+/// its bright parts do.
+inline double ExposureOf(Fault fault, int strength, sim::SimCell& cell) {
+  constexpr std::array<double, kNumStrengths> kBright{1.1, 1.6, 2.4};  // of full scale
   constexpr std::array<double, kNumStrengths> kDark{0.1, 0.05, 0.025};
-  if (fault == Fault::kSaturation) return 0.02 * kBright[static_cast<std::size_t>(strength)];
+  if (fault == Fault::kSaturation) {
+    return 0.02 * kBright[static_cast<std::size_t>(strength)] / WhiteLevel(cell);
+  }
   if (fault == Fault::kTooDark) return 0.02 * kDark[static_cast<std::size_t>(strength)];
   if (fault == Fault::kExposure) return 0.0217;
   if (fault == Fault::kFlicker) return 0.0137;
@@ -261,7 +281,7 @@ inline ImageStack CaptureWithFault(DiagnosisScene scene, Fault fault, int streng
   const std::vector<int> shown =
       ShownPatterns(fault, strength, static_cast<int>(sequence.frames.size()), scene.seed);
   Result<ImageStack> stack =
-      CaptureMisordered(*cell, sequence, shown, ExposureOf(fault, strength), 0);
+      CaptureMisordered(*cell, sequence, shown, ExposureOf(fault, strength, *cell), 0);
   if (!stack) throw std::runtime_error(stack.error().message);
   if (fault == Fault::kDuplicated && strength == 2) {
     for (std::size_t i = 1; i < shown.size(); ++i) {
