@@ -2,15 +2,16 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
-#include <type_traits>
-#include <variant>
+#include <set>
 
 #include "findings.hpp"
 #include "light_checks.hpp"
 #include "lit_pixels.hpp"
+#include "optics_checks.hpp"
+#include "order_check.hpp"
 #include "stack_sampling.hpp"
+#include "time_checks.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -32,39 +33,105 @@ Status CheckInput(const ImageStack& stack, const DiagnosisConfig& config) {
   return Validate(present, "diagnosis");
 }
 
-void CheckFrameCount(const ImageStack& stack, Findings& findings) {
-  const std::size_t patterns = stack.sequence.frames.size();
-  const auto missing = static_cast<double>(patterns - stack.frames.size());
-  if (findings.Measure(FindingKind::kFramesDropped, "frames that are missing", missing, 0.0, "")) {
-    return;
+// Frames of one exposure, each of which codes one coordinate.
+ImageStack OneExposure(const ImageStack& stack, double exposure_ratio) {
+  ImageStack part;
+  part.sequence.width = stack.sequence.width;
+  part.sequence.height = stack.sequence.height;
+  for (std::size_t i = 0; i < stack.frames.size(); ++i) {
+    const Pattern& pattern = stack.sequence.frames[i];
+    if (pattern.exposure_ratio != exposure_ratio || pattern.carrier_steps > 0) continue;
+    part.sequence.frames.push_back(pattern);
+    part.frames.push_back(stack.frames[i]);
   }
-  findings.Explain(
-      fmt::format("{} frames came for {} patterns, limit 0 missing", stack.frames.size(), patterns),
-      "take the scan again; if it recurs, lower the frame rate or give the camera's link more "
-      "bandwidth (packet size, receive buffers)");
+  // A sequence of carriers alone: one frame, by which every check is skipped.
+  if (part.frames.empty()) {
+    part.sequence.frames.push_back(stack.sequence.frames.front());
+    part.frames.push_back(stack.frames.front());
+  }
+  return part;
 }
 
-// Two frames of a sensor with noise are never the same.
-void CheckSameFrames(const ImageStack& stack, Findings& findings) {
-  int repeated = 0;
-  std::size_t where = 0;
-  for (std::size_t i = 1; i < stack.frames.size(); ++i) {
-    const auto same = [&](const auto& pixels) {
-      const auto& before = std::get<std::decay_t<decltype(pixels)>>(stack.frames[i - 1].pixels);
-      const auto [low, high] = std::minmax_element(pixels.begin(), pixels.end());
-      return *low != *high && std::equal(pixels.begin(), pixels.end(), before.begin());
-    };
-    if (!std::visit(same, stack.frames[i].pixels)) continue;
-    if (++repeated == 1) where = i;
+std::set<double> ExposuresOf(const ImageStack& stack) {
+  std::set<double> exposures;
+  for (const Pattern& pattern : stack.sequence.frames) exposures.insert(pattern.exposure_ratio);
+  return exposures;
+}
+
+// Samples of the frames of one exposure, of all kinds.
+diagnosis::SampledStack FramesOf(const diagnosis::SampledStack& sampled,
+                                 const PatternSequence& sequence, double exposure_ratio) {
+  diagnosis::SampledStack part{sampled.stride, sampled.full_scale_dn, {}};
+  for (std::size_t i = 0; i < sampled.frames.size(); ++i) {
+    if (sequence.frames[i].exposure_ratio == exposure_ratio) {
+      part.frames.push_back(sampled.frames[i]);
+    }
   }
-  if (findings.Measure(FindingKind::kFramesDuplicated, "frames that repeat the one before",
-                       repeated, 0.0, "")) {
-    return;
+  // Frames may be missing.
+  return part.frames.empty() ? sampled : part;
+}
+
+// The exposure that leaves most pixels lit and unsaturated.
+double BestExposure(const diagnosis::SampledStack& sampled, const PatternSequence& sequence,
+                    const std::set<double>& exposures, const PhaseConfig& phase) {
+  double best = *exposures.begin();
+  int most = -1;
+  for (const double exposure : exposures) {
+    const diagnosis::SampledStack part = FramesOf(sampled, sequence, exposure);
+    const diagnosis::LightRange range = diagnosis::FindLightRange(part, phase);
+    int usable = 0;
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      const bool clipped = static_cast<double>(range.bright[i]) >=
+                           phase.saturation_ratio * static_cast<double>(part.full_scale_dn);
+      if (range.lit[i] != 0 && !clipped) ++usable;
+    }
+    if (usable > most) {
+      most = usable;
+      best = exposure;
+    }
   }
-  findings.Explain(
-      fmt::format("{} frames have the very pixels of the frame before (first: frame {}), limit 0",
-                  repeated, where),
-      "take the scan again; if it recurs, make the camera driver wait for a fresh frame");
+  return best;
+}
+
+void SkipFrom(FindingKind first, const std::string& why, Findings& findings) {
+  for (int kind = static_cast<int>(first); kind < kNumFindingKinds; ++kind) {
+    findings.Skip(static_cast<FindingKind>(kind), "not measured", why);
+  }
+}
+
+Result<Diagnosis> Examine(const ImageStack& whole, const PhaseConfig& phase,
+                          const DiagnosisConfig& config,
+                          const std::optional<CellCalibration>& calibration) {
+  const auto all = diagnosis::SampleStack(whole, config.max_samples);
+  if (!all) return Forward(all);
+  const std::set<double> exposures = ExposuresOf(whole);
+  const auto shortest = FramesOf(*all, whole.sequence, *exposures.begin());
+  const auto longest = FramesOf(*all, whole.sequence, *exposures.rbegin());
+  const double light = diagnosis::MedianLight(longest, diagnosis::FindLightRange(longest, phase));
+  const bool dark = !(light >= config.min_light_ratio);
+
+  Findings findings;
+  const bool complete = whole.frames.size() == whole.sequence.frames.size();
+  const ImageStack stack = OneExposure(whole, BestExposure(*all, whole.sequence, exposures, phase));
+  const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
+  if (!sampled) return Forward(sampled);
+  const diagnosis::FrameOrder order =
+      diagnosis::CheckFrames(whole, stack, *sampled, phase, dark, findings);
+  const bool ordered = !findings.Any();
+  diagnosis::CheckLight(shortest, longest, phase, config, findings);
+  if (!complete || !ordered) {
+    SkipFrom(FindingKind::kResponse, "the frames are not those of the sequence", findings);
+  } else if (dark) {
+    SkipFrom(FindingKind::kResponse, "too little light", findings);
+  } else {
+    const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(stack.sequence);
+    const diagnosis::LightRange range = diagnosis::FindLightRange(*sampled, phase);
+    const Image<float> mean = diagnosis::MeanImage(stack, plan);
+    diagnosis::CheckTime(diagnosis::MeasureTime(*sampled, plan, range, mean), config, findings);
+    diagnosis::CheckOptics({*sampled, plan, stack.sequence, range, mean, order, calibration},
+                           config, findings);
+  }
+  return findings.Take();
 }
 
 }  // namespace
@@ -85,18 +152,11 @@ const char* CheckStateName(CheckState state) {
 
 Result<Diagnosis> DiagnoseStack(const ImageStack& stack, const PhaseConfig& phase,
                                 const DiagnosisConfig& config,
-                                const std::optional<CellCalibration>& /*calibration*/) {
+                                const std::optional<CellCalibration>& calibration) {
   if (const Status status = CheckInput(stack, config); !status) {
     return tl::unexpected<Error>(status.error());
   }
-  const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
-  if (!sampled) return Forward(sampled);
-  Findings findings;
-  CheckFrameCount(stack, findings);
-  CheckSameFrames(stack, findings);
-  const diagnosis::LightRange range = diagnosis::FindLightRange(*sampled, phase);
-  diagnosis::CheckLight(*sampled, range, phase, config, findings);
-  return findings.Take();
+  return Examine(stack, phase, config, calibration);
 }
 
 }  // namespace fringe_fusion

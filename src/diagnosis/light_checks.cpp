@@ -25,39 +25,37 @@ void CheckSaturation(const SampledStack& stack, const LightRange& range, const P
       fmt::format("{:.1f} % of the lit pixels reach {:.0f} of {:.0f} grey values, limit {:.1f} %",
                   100.0 * share, limit_dn, stack.full_scale_dn, 100.0 * config.max_saturated_ratio),
       "shorten the exposure or dim the projector; if dark parts then lack light, add a second "
-      "exposure to the sequence (exposures: \"1,0.3\")");
-}
-
-// Amplitude of a pattern of full swing over the noise at its mean level, as the median.
-double MedianSignalSigma(const LightRange& range, const PhaseConfig& phase) {
-  std::vector<double> ratios;
-  for (std::size_t i = 0; i < range.lit.size(); ++i) {
-    if (range.lit[i] == 0) continue;
-    const double low = static_cast<double>(range.dark[i]);
-    const double high = static_cast<double>(range.bright[i]);
-    ratios.push_back(0.5 * (high - low) / NoiseSigma(phase, 0.5 * (high + low)));
-  }
-  if (ratios.empty()) return 0.0;
-  const auto middle = ratios.begin() + static_cast<std::ptrdiff_t>(ratios.size() / 2);
-  std::nth_element(ratios.begin(), middle, ratios.end());
-  return *middle;
+      "exposure to the sequence (pattern.yaml: exposures)");
 }
 
 }  // namespace
 
-void CheckLight(const SampledStack& stack, const LightRange& range, const PhaseConfig& phase,
+double MedianLight(const SampledStack& stack, const LightRange& range) {
+  std::vector<float> spans;
+  for (std::size_t i = 0; i < range.lit.size(); ++i) {
+    if (range.lit[i] != 0) spans.push_back(range.bright[i] - range.dark[i]);
+  }
+  if (spans.empty()) return 0.0;
+  const auto middle = spans.begin() + static_cast<std::ptrdiff_t>(spans.size() / 2);
+  std::nth_element(spans.begin(), middle, spans.end());
+  return static_cast<double>(*middle / stack.full_scale_dn);
+}
+
+void CheckLight(const SampledStack& shortest, const SampledStack& longest, const PhaseConfig& phase,
                 const DiagnosisConfig& config, Findings& findings) {
-  CheckSaturation(stack, range, phase, config, findings);
-  const double signal = MedianSignalSigma(range, phase);
+  CheckSaturation(shortest, FindLightRange(shortest, phase), phase, config, findings);
+  const LightRange range = FindLightRange(longest, phase);
+  const double light = MedianLight(longest, range);
   if (findings.Measure(FindingKind::kTooLittleLight,
-                       "median fringe amplitude of the lit pixels over the noise", signal,
-                       config.min_signal_sigma, "sigma", true)) {
+                       "median of white minus black over full scale, lit pixels", light,
+                       config.min_light_ratio, "", true)) {
     return;
   }
   findings.Explain(
-      fmt::format("the fringes swing by {:.1f} sigma of the sensor noise in the median of {} lit "
-                  "pixels, must be at least {:.1f}",
-                  signal, range.num_lit, config.min_signal_sigma),
+      fmt::format(
+          "white and black differ by {:.1f} % of full scale in the median of {} lit pixels, "
+          "must be at least {:.1f} %",
+          100.0 * light, range.num_lit, 100.0 * config.min_light_ratio),
       "expose longer, open the lens, or brighten the projector; check that it shines on the part");
 }
 

@@ -7,8 +7,9 @@
 namespace fringe_fusion::diagnosis {
 namespace {
 
-// A share of the scene's own light separates surfaces from glow; noise decides in the dark.
-constexpr double kMinLightRatio = 0.1;
+// A share of the scene's own light separates it from glow and flickering lamps; noise decides in
+// the dark.
+constexpr double kMinLightRatio = 0.2;
 constexpr double kMinRangeSigma = 6.0;
 
 }  // namespace
