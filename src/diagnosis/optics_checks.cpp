@@ -15,9 +15,10 @@ namespace fringe_fusion::diagnosis {
 namespace {
 
 constexpr std::size_t kMaxPanelPixels = 400;
-// A scale is believed when the epipolar lines are missed by more, and half as much after scaling.
+// A scale is believed when the epipolar lines are missed by more, and by far less after scaling:
+// codes that are blurred miss them whatever the scale.
 constexpr double kMinPanelDistancePx = 1.0;
-constexpr double kMaxPanelRest = 0.5;
+constexpr double kMaxPanelRest = 0.2;
 constexpr int kMinEdges = 30;
 
 std::optional<PanelScale> MeasurePanel(const OpticsInput& input) {

@@ -129,17 +129,29 @@ TEST(DiagnoseStack, SkipsTheResolutionWithoutCalibration) {
   EXPECT_EQ(StateOf(*diagnosis, FindingKind::kResolution), CheckState::kSkipped);
 }
 
-TEST(DiagnoseStack, GrayCodeAloneIsComparedFrameByFrame) {
+PatternConfig GrayPattern() {
   PatternConfig gray;
   gray.gray = true;
   gray.fringes = "";
+  return gray;
+}
+
+TEST(DiagnoseStack, GrayCodeAloneIsComparedFrameByFrame) {
+  const PatternConfig gray = GrayPattern();
   const Diagnosis clean = Diagnose(StackOf(gray));
   EXPECT_EQ(FirstName(clean), "none");
   EXPECT_EQ(StateOf(clean, FindingKind::kFramesSwapped), CheckState::kPassed);
   EXPECT_EQ(StateOf(clean, FindingKind::kResponse), CheckState::kSkipped);
   EXPECT_EQ(FirstName(Diagnose(StackOf(gray, Fault::kShifted, 0))), "frames_shifted");
-  EXPECT_EQ(FirstName(Diagnose(StackOf(gray, Fault::kResolution, 1))), "resolution");
-  EXPECT_EQ(FirstName(Diagnose(StackOf(gray, Fault::kCameraDefocus, 1))), "camera_defocus");
+}
+
+TEST(DiagnoseStack, GrayCodeAloneTellsTheResolution) {
+  EXPECT_EQ(FirstName(Diagnose(StackOf(GrayPattern(), Fault::kResolution, 1))), "resolution");
+}
+
+TEST(DiagnoseStack, BlurredGrayCodeIsNoWrongResolution) {
+  EXPECT_EQ(FirstName(Diagnose(StackOf(GrayPattern(), Fault::kCameraDefocus, 1))),
+            "camera_defocus");
 }
 
 TEST(DiagnoseStack, OneFrequencyIsJudgedWithoutUnwrapping) {
