@@ -1,14 +1,17 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <random>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <variant>
+#include <vector>
 
 #include "fringe_fusion/sim/gauges.hpp"
 #include "fringe_fusion/sim/sim_cell.hpp"
@@ -171,6 +174,7 @@ inline CleanLight CaptureCleanLight(const MaskScene& scene) {
 /// - white light stays 4 sigma of noise below saturation (the shortest exposure decides);
 /// - the modulation of a coarse fringe is at least ten times the noise, at the longest exposure
 ///   that does not saturate;
+/// - at that modulation the code mistakes its fringe order with a probability below 1e-4;
 /// - it lies at least 3 px inside the projector's picture.
 class GoodPixels {
  public:
@@ -178,7 +182,8 @@ class GoodPixels {
       : scene_(scene),
         truth_(truth),
         light_(light),
-        projector_(sim::DefaultCalibration().projector) {}
+        projector_(sim::DefaultCalibration().projector),
+        order_distance_(OrderDistance(scene.pattern)) {}
 
   [[nodiscard]] bool IsGood(int x, int y) const {
     return OnOneSurface(x, y) && IsBrightEnough(x, y) && IsInside(x, y);
@@ -220,7 +225,8 @@ class GoodPixels {
       const double white = exposure * static_cast<double>(light_.white(x, y));
       const double black = exposure * static_cast<double>(light_.black(x, y));
       if (white + 4.0 * Noise(white) >= limit) continue;
-      return 0.5 * (white - black) >= 10.0 * Noise(0.5 * (white + black));
+      const double ratio = Noise(0.5 * (white + black)) / (0.5 * (white - black));
+      return ratio <= 0.1 && HasOrder(ratio);
     }
     return false;
   }
@@ -228,6 +234,32 @@ class GoodPixels {
   [[nodiscard]] double Noise(double grey) const {
     const double read = scene_.config.read_noise_dn;
     return std::sqrt(read * read + scene_.config.gain_dn * grey + 1.0 / 12.0);
+  }
+
+  // Science section 2.3: half the distance to the nearest other order in sigma of a phase.
+  [[nodiscard]] bool HasOrder(double noise_ratio) const {
+    const double sigma_cycles =
+        std::sqrt(2.0 / scene_.pattern.steps) * noise_ratio / (2.0 * 3.14159265358979323846);
+    return std::erfc(order_distance_ / (2.0 * std::sqrt(2.0) * sigma_cycles)) <= 1e-4;
+  }
+
+  // Least distance [cycles] of the phases of two places that differ by half a fine fringe or more.
+  // A Gray code tells the orders by its bits.
+  [[nodiscard]] static double OrderDistance(const PatternConfig& pattern) {
+    if (pattern.gray) return 1.0;
+    std::vector<double> fringes;
+    std::stringstream list(pattern.fringes);
+    for (std::string item; std::getline(list, item, ',');) fringes.push_back(std::stod(item));
+    constexpr int kSteps = 20000;
+    double least = 1.0;
+    for (int i = 0; i < kSteps; ++i) {
+      const double place = static_cast<double>(i) / kSteps;
+      if (place < 0.5 / fringes.back() || place > 1.0 - 0.5 / fringes.back()) continue;
+      double squares = 0.0;
+      for (const double f : fringes) squares += std::pow(std::remainder(f * place, 1.0), 2);
+      least = std::min(least, std::sqrt(squares));
+    }
+    return least;
   }
 
   [[nodiscard]] bool IsInside(int x, int y) const {
@@ -241,6 +273,7 @@ class GoodPixels {
   const sim::ViewTruth& truth_;
   const CleanLight& light_;
   CameraModel projector_;
+  double order_distance_;
 };
 
 }  // namespace fringe_fusion::bench
