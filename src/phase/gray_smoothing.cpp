@@ -14,22 +14,40 @@ namespace {
 
 constexpr int kRowsPerChunk = 16;
 constexpr double kTwoPi = 6.28318530717958647692;
-constexpr int kNumHarmonics = 12;
+constexpr std::size_t kNumHarmonics = 12;
+
+// A slope fitted to rounded values needs a long base: over a short one it locks in with the cells.
+constexpr int kSlopeRadiusFactor = 3;
 
 // Weighted normal equations of c = p0 + p1 dx + p2 dy about the centre pixel.
 struct PlaneSums {
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
-  double squares = 0.0;
+  double w = 0.0, wx = 0.0, wy = 0.0, wxx = 0.0, wxy = 0.0, wyy = 0.0;
+  double wc = 0.0, wcx = 0.0, wcy = 0.0, wcc = 0.0;
   int count = 0;
 
   void Add(double dx, double dy, double value, double weight) {
-    const Eigen::Vector3d row(1.0, dx, dy);
-    normal += weight * row * row.transpose();
-    right += weight * value * row;
-    squares += weight * value * value;
+    const double x = weight * dx;
+    const double y = weight * dy;
+    const double c = weight * value;
+    w += weight;
+    wx += x;
+    wy += y;
+    wxx += x * dx;
+    wxy += x * dy;
+    wyy += y * dy;
+    wc += c;
+    wcx += c * dx;
+    wcy += c * dy;
+    wcc += c * value;
     ++count;
   }
+
+  [[nodiscard]] Eigen::Matrix3d Normal() const {
+    Eigen::Matrix3d normal;
+    normal << w, wx, wy, wx, wxx, wxy, wy, wxy, wyy;
+    return normal;
+  }
+  [[nodiscard]] Eigen::Vector3d Right() const { return {wc, wcx, wcy}; }
 };
 
 PlaneSums SumWindow(const CoordinateImage& code, int x, int y, int radius, float max_step_px) {
@@ -64,54 +82,65 @@ double WindowMean(double q, int radius) {
   return sum / (2 * radius + 1);
 }
 
-// The rounding to cells is a sawtooth of the coordinate, sum_k sin(2 pi k u / cell) / (pi k), and
-// the window takes its mean: what is left of harmonic k is its response at k times the slope.
-double RoundingVariance(const Eigen::Vector2d& slope_cells, int radius) {
-  double variance = 0.0;
-  for (int k = 1; k <= kNumHarmonics; ++k) {
-    const double response =
-        WindowMean(k * slope_cells.x(), radius) * WindowMean(k * slope_cells.y(), radius);
-    variance += response * response / (0.5 * kTwoPi * kTwoPi * k * k);
-  }
-  return variance;
-}
-
-/// RoundingVariance for all slopes, smoothed by the uncertainty of a slope that was itself fitted
-/// to rounded values. Harmonics see the slope modulo one cell per pixel, and its sign does not
-/// matter.
+/// Variance that the window leaves of the rounding, for all slopes. The rounding to cells is a
+/// sawtooth of the coordinate, sum_k sin(2 pi k u / cell) / (pi k), and the window takes its mean:
+/// what is left of harmonic k is its response at k times the slope, along x times along y. The
+/// squares are smoothed by the uncertainty of a slope that was itself fitted to rounded values.
+/// Harmonics see the slope modulo one cell per pixel, and its sign does not matter. Those beyond
+/// kNumHarmonics count as independent from pixel to pixel.
 class RoundingTable {
  public:
   explicit RoundingTable(int radius) {
-    const double sum_d2 = (2 * radius + 1) * radius * (radius + 1) * (2 * radius + 1) / 3.0;
+    const int base = kSlopeRadiusFactor * radius;
+    const double sum_d2 = (2 * base + 1) * base * (base + 1) * (2 * base + 1) / 3.0;
     const double slope_sigma = std::sqrt(1.0 / 12.0 / sum_d2);
-    // Gauss-Hermite: three nodes a side.
+    // Gauss-Hermite: three nodes.
     const std::array<double, 3> nodes = {0.0, std::sqrt(3.0) * slope_sigma,
                                          -std::sqrt(3.0) * slope_sigma};
     const std::array<double, 3> weights = {2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0};
-    for (int j = 0; j <= kNumSteps; ++j) {
-      for (int i = 0; i <= kNumSteps; ++i) {
-        const Eigen::Vector2d slope = Eigen::Vector2d(i, j) * (0.5 / kNumSteps);
-        double sum = 0.0;
-        for (std::size_t k = 0; k < 9; ++k) {
-          const Eigen::Vector2d shift(nodes[k % 3], nodes[k / 3]);
-          sum += weights[k % 3] * weights[k / 3] * RoundingVariance(slope + shift, radius);
+    double rest = 1.0 / 12.0;
+    for (std::size_t k = 0; k < kNumHarmonics; ++k) rest -= VarianceOfHarmonic(k);
+    rest_ = rest / ((2 * radius + 1) * (2 * radius + 1));
+    for (std::size_t i = 0; i < squares_.size(); ++i) {
+      const double slope = 0.5 * static_cast<double>(i) / kNumSteps;
+      for (std::size_t k = 0; k < kNumHarmonics; ++k) {
+        for (std::size_t node = 0; node < 3; ++node) {
+          const double response =
+              WindowMean(static_cast<double>(k + 1) * (slope + nodes[node]), radius);
+          squares_[i][k] += weights[node] * response * response;
         }
-        values_.push_back(sum);
       }
     }
   }
 
+  /// @return [cells^2].
   [[nodiscard]] double At(const Eigen::Vector2d& slope_cells) const {
-    const auto index = [](double q) {
-      const double folded = std::abs(q - std::round(q));
-      return static_cast<std::size_t>(std::lround(folded * 2.0 * kNumSteps));
-    };
-    return values_[index(slope_cells.y()) * (kNumSteps + 1) + index(slope_cells.x())];
+    const Squares& along_x = squares_[Index(slope_cells.x())];
+    const Squares& along_y = squares_[Index(slope_cells.y())];
+    double variance = rest_;
+    for (std::size_t k = 0; k < kNumHarmonics; ++k) {
+      variance += along_x[k] * along_y[k] * VarianceOfHarmonic(k);
+    }
+    return variance;
   }
 
  private:
   static constexpr int kNumSteps = 100;
-  std::vector<double> values_;
+  using Squares = std::array<double, kNumHarmonics>;
+
+  // [cells^2]; k counts from 0.
+  static double VarianceOfHarmonic(std::size_t k) {
+    const double frequency = kTwoPi * static_cast<double>(k + 1);
+    return 2.0 / (frequency * frequency);
+  }
+
+  static std::size_t Index(double slope_cells) {
+    const double folded = std::abs(slope_cells - std::round(slope_cells));
+    return static_cast<std::size_t>(std::lround(folded * 2.0 * kNumSteps));
+  }
+
+  std::array<Squares, kNumSteps + 1> squares_{};
+  double rest_ = 0.0;
 };
 
 FittedCoordinate FitPixel(const CoordinateImage& code, int x, int y, int radius_px,
@@ -120,19 +149,20 @@ FittedCoordinate FitPixel(const CoordinateImage& code, int x, int y, int radius_
   if (!std::isfinite(raw.value_px)) return raw;
   const std::optional<LocalPlane> plane = FitLocalPlane(code, x, y, radius_px, max_step_px);
   if (!plane) return raw;
+  const std::optional<LocalPlane> wide =
+      FitLocalPlane(code, x, y, kSlopeRadiusFactor * radius_px, max_step_px);
+  const Eigen::Vector2d slope_px_px = wide ? wide->slope_px_px : plane->slope_px_px;
   const double cell_px = std::sqrt(12.0) * static_cast<double>(raw.sigma_px);
   const double cell_variance = cell_px * cell_px / 12.0;
-  // A window that lacks pixels takes its mean over fewer of them.
-  const double full_count = (2 * radius_px + 1) * (2 * radius_px + 1);
-  const double rounding =
-      cell_px * cell_px * table.At(plane->slope_px_px / cell_px) * full_count / plane->count;
-  // Rounding varies within the window or shifts it as a whole: codes that lie on a plane, as on a
-  // flat stair, hide all of it.
-  const bool hidden = plane->residual_px2 < 0.5 * cell_variance;
-  const double common = hidden ? cell_variance - plane->residual_px2 : 0.0;
+  // A window that lacks pixels takes its mean over fewer of them, extrapolates, and the harmonics
+  // that a whole window cancels come back.
+  const int full_count = (2 * radius_px + 1) * (2 * radius_px + 1);
+  double rounding =
+      cell_px * cell_px * table.At(slope_px_px / cell_px) * full_count * plane->leverage;
+  if (plane->count < full_count) rounding = std::max(rounding, cell_variance * plane->leverage);
   // Residuals beyond the rounding are noise or curvature.
   const double excess = std::max(0.0, plane->residual_px2 - cell_variance) * plane->leverage;
-  const double variance = std::min(cell_variance, std::max(rounding, common)) + excess;
+  const double variance = std::min(cell_variance, rounding) + excess;
   return {static_cast<float>(static_cast<double>(raw.value_px) + plane->value_px),
           static_cast<float>(std::sqrt(variance))};
 }
@@ -146,13 +176,13 @@ std::optional<LocalPlane> FitLocalPlane(const CoordinateImage& code, int x, int 
   if (sums.count < least_count) return std::nullopt;
   Eigen::Matrix3d inverse;
   bool invertible = false;
-  sums.normal.computeInverseWithCheck(inverse, invertible, 1e-9);
+  sums.Normal().computeInverseWithCheck(inverse, invertible, 1e-9);
   if (!invertible) return std::nullopt;
-  const Eigen::Vector3d plane = inverse * sums.right;
+  const Eigen::Vector3d plane = inverse * sums.Right();
   LocalPlane out;
   out.value_px = plane[0];
   out.slope_px_px = plane.tail<2>();
-  out.residual_px2 = std::max(0.0, sums.squares - plane.dot(sums.right)) / (sums.count - 3);
+  out.residual_px2 = std::max(0.0, sums.wcc - plane.dot(sums.Right())) / (sums.count - 3);
   out.leverage = inverse(0, 0);
   out.count = sums.count;
   return out;

@@ -30,8 +30,8 @@ struct LocalPlane {
 /// Sub-cell coordinates of a Gray code: the value at the centre of a plane fitted to the cell
 /// centres in a (2 radius + 1)^2 window. The rounding to cells acts like a dither, because the
 /// window spans several cells; sigma is what the mean over the window leaves of the sawtooth of
-/// rounding at the fitted slope, and what the residuals show beyond it. Neighbouring results share
-/// samples: their errors are correlated over the window.
+/// rounding at the slope fitted to a window three times as wide, and what the residuals show beyond
+/// it. Neighbouring results share samples: their errors are correlated over the window.
 /// @param max_step_px neighbours that differ more, per camera pixel, belong to another surface.
 [[nodiscard]] CoordinateImage SmoothGrayCode(const CoordinateImage& code, int radius_px,
                                              float max_step_px);

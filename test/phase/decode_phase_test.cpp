@@ -230,7 +230,7 @@ TEST(DecodePhase, RefinedGrayCodeKeepsItsPromise) {
           along_u ? Compare(map->u, map->sigma_u, scene.u) : Compare(map->v, map->sigma_v, scene.v);
       EXPECT_LT(figures.rms_px, one_per_cell ? 0.2 : 0.1);
       EXPECT_GT(figures.rms_normalized, one_per_cell ? 0.4 : 0.2);
-      EXPECT_LT(figures.rms_normalized, 1.1);
+      EXPECT_LT(figures.rms_normalized, 1.3);
       // 0.61 x 0.57 cells per pixel.
       const int num_cells = static_cast<int>(0.61 * 0.57 * scene.width * scene.height);
       EXPECT_GT(figures.num_valid,
@@ -246,15 +246,21 @@ TEST(DecodePhase, SigmaOfTheLocalFitFollowsTheSlope) {
   config.gray_one_per_cell = false;
   for (const auto& [along, across] :
        {std::pair<double, double>{0.5, 0.1}, {0.45, 0.25}, {0.35, 0.03}, {0.61, 0.0}}) {
-    SyntheticScene scene;
-    scene.width = 120;
-    scene.height = 90;
-    const double slope_x = along;
-    const double slope_y = across;
-    scene.u = [=](int x, int y) { return 20.3 + slope_x * x + slope_y * y; };
-    const auto map = DecodePhase(Synthesize(MakeTestSequence(true, "", 4), scene), config);
-    ASSERT_TRUE(map.has_value()) << map.error().message;
-    const double ratio = Compare(map->u, map->sigma_u, scene.u).rms_normalized;
+    double squares = 0.0;
+    constexpr int kNumStarts = 7;  // simple slopes meet few places between the cells at a time
+    for (int k = 0; k < kNumStarts; ++k) {
+      SyntheticScene scene;
+      scene.width = 60;
+      scene.height = 45;
+      const double slope_x = along;
+      const double slope_y = across;
+      const double start = 20.3 + 0.6180339887 * k;
+      scene.u = [=](int x, int y) { return start + slope_x * x + slope_y * y; };
+      const auto map = DecodePhase(Synthesize(MakeTestSequence(true, "", 4), scene), config);
+      ASSERT_TRUE(map.has_value()) << map.error().message;
+      squares += std::pow(Compare(map->u, map->sigma_u, scene.u).rms_normalized, 2);
+    }
+    const double ratio = std::sqrt(squares / kNumStarts);
     EXPECT_GT(ratio, 0.7) << along;
     EXPECT_LT(ratio, 1.3) << along;
   }
