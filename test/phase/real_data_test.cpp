@@ -1,65 +1,32 @@
 // Real captured stacks, read in place, held against what their authors published.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
+#include <vector>
 
-#include "fringe_fusion/io/image_io.hpp"
-#include "fringe_fusion/phase/phase_map.hpp"
+#include "fringe_fusion/geometry/transform.hpp"
+#include "test/phase/real_stacks.hpp"
 
 namespace fringe_fusion {
 namespace {
 
-namespace fs = std::filesystem;
+using test_support::DataPath;
 
-fs::path DataFolder() {
-  const char* folder = std::getenv("FRINGE_FUSION_DATA");
-  return folder != nullptr ? fs::path(folder) : fs::path(SOURCE_DIR "/../shared/data");
+double Quantile(std::vector<double>& values, double q) {
+  const auto nth =
+      values.begin() + static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
 }
 
-#define SKIP_WITHOUT_DATA(path) \
-  if (!fs::exists(path)) GTEST_SKIP() << "skipped: no data at " << (path).string()
-
-void AddFrame(const fs::path& file, const Pattern& pattern, ImageStack& stack) {
-  const auto image = ReadGrayImage(file.string());
-  ASSERT_TRUE(image) << image.error().message;
-  CapturedFrame frame;
-  frame.pixels = *image;
-  frame.stamp_ns = static_cast<std::int64_t>(stack.frames.size());
-  stack.frames.push_back(frame);
-  stack.sequence.frames.push_back(pattern);
-}
-
-Pattern OfKind(PatternKind kind) {
-  Pattern pattern;
-  pattern.kind = kind;
-  return pattern;
-}
-
-Pattern Gray(int bit, bool inverse) {
-  Pattern pattern = OfKind(PatternKind::kGray);
-  pattern.bit = bit;
-  pattern.inverse = inverse;
-  return pattern;
-}
-
-// gray_00 is white, gray_01 .. gray_11 are the bits, coarsest first.
 TEST(RealStacks, NeuvisionCodesEqualThePublishedOnes) {
-  const fs::path data = DataFolder() / "neuvision";
-  SKIP_WITHOUT_DATA(data);
-  ImageStack stack;
-  stack.sequence.width = 2048;
-  stack.sequence.height = 1080;
-  AddFrame(data / "gray_00.png", OfKind(PatternKind::kWhite), stack);
-  AddFrame(data / "gray_00_inv.png", OfKind(PatternKind::kBlack), stack);
-  for (int i = 1; i <= 11; ++i) {
-    AddFrame(data / fmt::format("gray_{:02d}.png", i), Gray(11 - i, false), stack);
-    AddFrame(data / fmt::format("gray_{:02d}_inv.png", i), Gray(11 - i, true), stack);
-  }
+  FRINGE_FUSION_REQUIRE_DATA(DataPath("neuvision"));
+  const ImageStack stack = test::NeuvisionStack();
   ::setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);
-  const cv::Mat expected = cv::imread((data / "decoded.exr").string(), cv::IMREAD_UNCHANGED);
+  const cv::Mat expected = cv::imread(DataPath("neuvision/decoded.exr"), cv::IMREAD_UNCHANGED);
   if (expected.empty()) GTEST_SKIP() << "skipped: this OpenCV reads no OpenEXR";
   ASSERT_EQ(expected.type(), CV_32FC1);
   PhaseConfig config;
@@ -94,25 +61,42 @@ TEST(RealStacks, NeuvisionCodesEqualThePublishedOnes) {
   }
 }
 
-// Six frames for the columns: three steps of 16 fringes, then three of 1 fringe.
-TEST(RealStacks, SlstudioTwoFrequenciesDecode) {
-  const fs::path data = DataFolder() / "slstudio/skull_2x3";
-  SKIP_WITHOUT_DATA(data);
-  ImageStack stack;
-  stack.sequence.width = 1824;
-  stack.sequence.height = 1140;
-  for (int i = 0; i < 6; ++i) {
-    Pattern pattern = OfKind(PatternKind::kPhase);
-    pattern.fringes = i < 3 ? 16.0 : 1.0;
-    pattern.step = i % 3;
-    pattern.steps = 3;
-    AddFrame(data / fmt::format("frameSeq_{:02d}.png", i), pattern, stack);
+TEST(RealStacks, SlstudioGrayCodeAgreesWithThePublishedCloud) {
+  FRINGE_FUSION_REQUIRE_DATA(DataPath("slstudio/skull_gray"));
+  const Image<float> published = test::PublishedSkullColumns();
+  const auto num_published = std::count_if(published.begin(), published.end(),
+                                           [](float column) { return std::isfinite(column); });
+  const ImageStack stack = test::SkullGrayStack();
+  for (const int radius_px : {0, 2}) {
+    PhaseConfig config;
+    config.gray_fit_radius_px = radius_px;
+    const Result<PhaseMap> map = DecodePhase(stack, config);
+    ASSERT_TRUE(map) << map.error().message;
+    std::vector<double> deviations;
+    for (std::size_t i = 0; i < published.size(); ++i) {
+      const double deviation = std::abs(static_cast<double>(map->u[i] - published[i]));
+      if (std::isfinite(deviation)) deviations.push_back(deviation);
+    }
+    fmt::print(
+        "skull_gray, fit radius {} px: {} published, {} in both; deviation median {:.3f}, "
+        "90 % {:.3f} px\n",
+        radius_px, num_published, deviations.size(), Quantile(deviations, 0.5),
+        Quantile(deviations, 0.9));
+    // .68 px was hoped for. By the published calibration the cloud misses its own camera pixels by
+    // .4 px, and its columns differ from ours by a trend of -1.5 to 1.2 px over the picture.
+    EXPECT_LE(Quantile(deviations, 0.5), 1.15);
+    EXPECT_GE(static_cast<double>(deviations.size()), 0.9 * static_cast<double>(num_published));
   }
+}
+
+TEST(RealStacks, SlstudioTwoFrequenciesDecode) {
+  FRINGE_FUSION_REQUIRE_DATA(DataPath("slstudio/skull_2x3"));
   PhaseConfig config;
   config.max_wrong_order_ratio = 0.5;
   config.max_order_error_ratio = 0.5;
   config.max_level_sigma = 1e6;
-  const auto map = DecodePhase(stack, config);
+  config.max_edge_step_px = 10000.0;
+  const Result<PhaseMap> map = DecodePhase(test::SkullPhaseStack(), config);
   ASSERT_TRUE(map) << map.error().message;
   // The skull is smooth: a pixel that jumps by a period against its neighbour has a wrong order.
   const float period_px = 1824.0F / 16.0F;
@@ -128,6 +112,38 @@ TEST(RealStacks, SlstudioTwoFrequenciesDecode) {
   fmt::print("skull_2x3: {} neighbouring pairs, {} jumps by a period\n", num_pairs, num_jumps);
   EXPECT_GT(num_pairs, 100000);
   EXPECT_LT(num_jumps, num_pairs / 100);
+}
+
+// Distance of the decoded projector pixel from the epipolar line of its camera pixel.
+double EpipolarDistancePx(const CellCalibration& cell, const Eigen::Vector2d& pixel_camera,
+                          const Eigen::Vector2d& pixel_projector) {
+  const Eigen::Vector3d ray_camera = Undistort(cell.camera, pixel_camera).homogeneous();
+  const Eigen::Vector3d normal =
+      cell.T_projector_camera.translation().cross(cell.T_projector_camera.linear() * ray_camera);
+  const Eigen::Vector2d point = Undistort(cell.projector, pixel_projector);
+  const double slope = std::hypot(normal.x() / cell.projector.fx, normal.y() / cell.projector.fy);
+  return std::abs(normal.dot(point.homogeneous())) / slope;
+}
+
+TEST(RealStacks, SltkKeepsToItsEpipolarLines) {
+  FRINGE_FUSION_REQUIRE_DATA(DataPath("sltk/scan_0020"));
+  const Result<CellCalibration> cell =
+      ReadCellCalibration(std::string(SOURCE_DIR) + "/config/datasets/sltk/cell.yaml");
+  ASSERT_TRUE(cell) << cell.error().message;
+  const Result<PhaseMap> map = DecodePhase(test::SltkStack(), PhaseConfig{});
+  ASSERT_TRUE(map) << map.error().message;
+  std::vector<double> distances;
+  for (int y = 0; y < map->height; ++y) {
+    for (int x = 0; x < map->width; ++x) {
+      if (map->mask(x, y) != 0) continue;
+      const Eigen::Vector2d projector(map->u(x, y), map->v(x, y));
+      distances.push_back(EpipolarDistancePx(*cell, Eigen::Vector2d(x, y), projector));
+    }
+  }
+  fmt::print("sltk: {} pixels, epipolar distance median {:.3f}, 90 % {:.3f} px\n", distances.size(),
+             Quantile(distances, 0.5), Quantile(distances, 0.9));
+  ASSERT_GT(distances.size(), 100000U);
+  EXPECT_LE(Quantile(distances, 0.5), 0.47);
 }
 
 }  // namespace
