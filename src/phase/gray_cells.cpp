@@ -1,7 +1,6 @@
 #include "gray_cells.hpp"
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -14,8 +13,7 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr std::int64_t kNoCell = -1;
-// Long enough a base that the slope of rounded values does not lock in with the cells.
-constexpr int kSlopeRadiusPx = 5;
+constexpr int kSlopeRadiusPx = 2;
 
 // Number of the cell, or kNoCell where the coordinate is not the centre of a finest cell.
 std::int64_t CellOf(float coordinate_px, float sigma_px, const GrayCode& code) {
@@ -90,38 +88,14 @@ Centre CentreOf(const std::vector<Eigen::Vector2i>& group) {
   return out;
 }
 
-struct Coordinate {
-  float value_px = 0.0F;
-  float sigma_px = 0.0F;
-};
-
-// The cell centre belongs to the mean of the group; its pixel lies beside it. All pixels of the
-// group lie in the cell: that leaves its mean an interval as long as the cell less the extent of
-// the group, where it lies anywhere.
-Coordinate PlaceGroup(const CoordinateImage& code, const std::vector<Eigen::Vector2i>& group,
-                      const Centre& centre, float max_step_px) {
+// The cell centre belongs to the mean of the group; its pixel lies `shift` beside it.
+float MoveToPixel(const CoordinateImage& code, const Centre& centre, float max_step_px) {
   const Eigen::Vector2i& at = centre.nearest;
-  Coordinate out{code.value_px(at.x(), at.y()), code.sigma_px(at.x(), at.y())};
   const std::optional<LocalPlane> plane =
       FitLocalPlane(code, at.x(), at.y(), kSlopeRadiusPx, max_step_px);
-  if (!plane) return out;
-  const double cell_px = std::sqrt(12.0) * static_cast<double>(out.sigma_px);
-  double low = 0.0;
-  double high = 0.0;
-  for (const Eigen::Vector2i& pixel : group) {
-    const double along = plane->slope_px_px.dot(pixel.cast<double>() - centre.mean);
-    low = std::min(low, along);
-    high = std::max(high, along);
-  }
-  // The slope is not exact, and noise moves pixels on the border to the wrong cell.
-  const double least_px = 0.5 * cell_px / std::sqrt(static_cast<double>(group.size()));
-  const double length_px = std::max(cell_px - (high - low), least_px);
-  const double middle_px = 0.5 * (low + high);
-  const double moved_px = plane->slope_px_px.dot(at.cast<double>() - centre.mean);
-  out.value_px += static_cast<float>(moved_px);
-  out.sigma_px =
-      static_cast<float>(std::sqrt(length_px * length_px / 12.0 + middle_px * middle_px));
-  return out;
+  const Eigen::Vector2d shift = at.cast<double>() - centre.mean;
+  const double moved_px = plane ? plane->slope_px_px.dot(shift) : 0.0;
+  return code.value_px(at.x(), at.y()) + static_cast<float>(moved_px);
 }
 
 }  // namespace
@@ -146,12 +120,12 @@ PhaseMap KeepOnePixelPerCell(PhaseMap map, const GrayCode& code_u, const GrayCod
       const Centre centre = CentreOf(group);
       const int cx = centre.nearest.x();
       const int cy = centre.nearest.y();
-      const Coordinate placed_u = PlaceGroup(u, group, centre, max_step_px);
-      const Coordinate placed_v = PlaceGroup(v, group, centre, max_step_px);
-      map.u(cx, cy) = placed_u.value_px;
-      map.v(cx, cy) = placed_v.value_px;
-      map.sigma_u(cx, cy) = placed_u.sigma_px;
-      map.sigma_v(cx, cy) = placed_v.sigma_px;
+      // Pixels lie at random in their cell: each is one sample of a uniform distribution.
+      const float share = 1.0F / std::sqrt(static_cast<float>(group.size()));
+      map.u(cx, cy) = MoveToPixel(u, centre, max_step_px);
+      map.v(cx, cy) = MoveToPixel(v, centre, max_step_px);
+      map.sigma_u(cx, cy) = share * u.sigma_px(cx, cy);
+      map.sigma_v(cx, cy) = share * v.sigma_px(cx, cy);
       map.mask(cx, cy) = 0;
     }
   }
