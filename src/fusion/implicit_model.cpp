@@ -260,6 +260,7 @@ std::vector<int> ImplicitModel::ViewIds() const {
 
 const ImplicitModel::Impl& ImplicitModel::impl() const { return *impl_; }
 const FusionConfig& ImplicitModel::config() const { return impl_->config; }
+double ImplicitModel::voxel_m() const { return impl_->config.voxel_m; }
 std::size_t ImplicitModel::NumBlocks() const { return impl_->blocks.size(); }
 
 std::size_t ImplicitModel::MemoryBytes() const {

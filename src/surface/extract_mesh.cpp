@@ -48,15 +48,15 @@ GridEdge Unpack(EdgeKey key) {
 
 class BlockCells {
  public:
-  BlockCells(const ImplicitModel& model, const ImplicitModel::BlockIndex& block)
+  BlockCells(const VoxelField& model, const VoxelField::BlockIndex& block)
       : distances_(model.DistancesOf(block)),
         block_(block),
-        max_jump_(static_cast<float>(kMaxJumpVoxels * model.config().voxel_m)) {}
+        max_jump_(static_cast<float>(kMaxJumpVoxels * model.voxel_m())) {}
 
   void AppendTriangles(const CubeTable& table, std::vector<EdgeTriangle>& triangles) const {
-    for (int z = 0; z < ImplicitModel::kBlockSize; ++z) {
-      for (int y = 0; y < ImplicitModel::kBlockSize; ++y) {
-        for (int x = 0; x < ImplicitModel::kBlockSize; ++x) {
+    for (int z = 0; z < VoxelField::kBlockSize; ++z) {
+      for (int y = 0; y < VoxelField::kBlockSize; ++y) {
+        for (int x = 0; x < VoxelField::kBlockSize; ++x) {
           AppendCell(table, {x, y, z}, triangles);
         }
       }
@@ -104,20 +104,19 @@ class BlockCells {
     for (int a = 0; a < 3; ++a) {
       const auto axis = static_cast<std::size_t>(a);
       grid.voxel[axis] =
-          block_[axis] * ImplicitModel::kBlockSize + cell[axis] + ((edge.from >> a) & 1);
+          block_[axis] * VoxelField::kBlockSize + cell[axis] + ((edge.from >> a) & 1);
     }
     return Pack(grid);
   }
 
-  static constexpr int kSize = ImplicitModel::kPaddedSize;
-  ImplicitModel::PaddedDistances distances_;
-  ImplicitModel::BlockIndex block_;
+  static constexpr int kSize = VoxelField::kPaddedSize;
+  VoxelField::PaddedDistances distances_;
+  VoxelField::BlockIndex block_;
   float max_jump_;
 };
 
-Result<std::vector<EdgeTriangle>> FindTriangles(const ImplicitModel& model,
-                                                const Progress& progress) {
-  const std::vector<ImplicitModel::BlockIndex> blocks = model.Blocks();
+Result<std::vector<EdgeTriangle>> FindTriangles(const VoxelField& model, const Progress& progress) {
+  const std::vector<VoxelField::BlockIndex> blocks = model.Blocks();
   const CubeTable table;
   constexpr int kBatch = 1024;
   constexpr int kGrain = 16;
@@ -174,7 +173,7 @@ float RootOnEdge(const std::array<float, 4>& d, float voxel_m) {
   return std::clamp(root, kMargin, 1.0F - kMargin);
 }
 
-void SetVertex(const ImplicitModel& model, const GridEdge& edge, std::size_t index, Mesh& mesh) {
+void SetVertex(const VoxelField& model, const GridEdge& edge, std::size_t index, Mesh& mesh) {
   const auto axis = static_cast<std::size_t>(edge.axis);
   std::array<FieldSample, 4> samples;
   std::array<float, 4> distances{};
@@ -184,12 +183,12 @@ void SetVertex(const ImplicitModel& model, const GridEdge& edge, std::size_t ind
     samples[static_cast<std::size_t>(i)] = model.AtVoxel(voxel);
     distances[static_cast<std::size_t>(i)] = samples[static_cast<std::size_t>(i)].distance;
   }
-  const float t = RootOnEdge(distances, static_cast<float>(model.config().voxel_m));
+  const float t = RootOnEdge(distances, static_cast<float>(model.voxel_m()));
   const FieldSample& a = samples[1];
   const FieldSample& b = samples[2];
   Eigen::Vector3d position(edge.voxel[0], edge.voxel[1], edge.voxel[2]);
   position[edge.axis] += static_cast<double>(t);
-  mesh.vertices[index] = (position * model.config().voxel_m).cast<float>();
+  mesh.vertices[index] = (position * model.voxel_m()).cast<float>();
   const Eigen::Vector3f gradient = (1.0F - t) * a.gradient + t * b.gradient;
   const float length = gradient.norm();
   const Eigen::Vector3f along =
@@ -205,7 +204,7 @@ void SetVertex(const ImplicitModel& model, const GridEdge& edge, std::size_t ind
   mesh.num_views[index] = static_cast<std::uint8_t>(t < 0.5F ? a.num_views : b.num_views);
 }
 
-Mesh MakeMesh(const ImplicitModel& model, const std::vector<EdgeTriangle>& triangles) {
+Mesh MakeMesh(const VoxelField& model, const std::vector<EdgeTriangle>& triangles) {
   const std::vector<EdgeKey> edges = DistinctEdges(triangles);
   Mesh mesh;
   mesh.vertices.resize(edges.size());
@@ -234,7 +233,7 @@ Mesh MakeMesh(const ImplicitModel& model, const std::vector<EdgeTriangle>& trian
 
 }  // namespace
 
-Result<Mesh> ExtractMesh(const ImplicitModel& model, const SurfaceConfig& config,
+Result<Mesh> ExtractMesh(const VoxelField& model, const SurfaceConfig& config,
                          const Progress& progress) {
   if (Status status = CheckBounds(config, "surface"); !status) return Forward(status);
   if (model.NumBlocks() == 0) return Fail("surface: the model is empty, add a view first");

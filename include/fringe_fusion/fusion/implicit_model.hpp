@@ -10,6 +10,7 @@
 
 #include "fringe_fusion/common/config.hpp"
 #include "fringe_fusion/common/progress.hpp"
+#include "fringe_fusion/fusion/voxel_field.hpp"
 #include "fringe_fusion/pose/view.hpp"
 
 namespace fringe_fusion {
@@ -54,18 +55,6 @@ namespace internal {
 struct ViewSamples;
 }
 
-/// The field at one point.
-struct FieldSample {
-  bool supported = false;  ///< false: nothing was measured near the point; the rest is NaN
-  float distance = 0.0F;   ///< signed, positive outside [m]
-  /// Weighted mean of the samples' normals: the gradient of the distance near the surface.
-  Eigen::Vector3f gradient = Eigen::Vector3f::Zero();
-  float sigma = 0.0F;   ///< standard deviation of the distance [m]
-  float weight = 0.0F;  ///< sum of w [1/m^2]
-  int num_views = 0;
-  Rgb8 color;
-};
-
 /// The signed distance D(x) of one object by the generalised implicit equation
 ///   D = sum w_i n_i . (x - p_i) / sum w_i,
 /// as additive sums on sparse blocks of 8 x 8 x 8 voxels in the object frame.
@@ -80,14 +69,14 @@ struct FieldSample {
 /// Ref: Curless and Levoy, A volumetric method for building complex models from range images, 1996
 /// (sums of weighted distances); Guennebaud and Gross, Algebraic Point Set Surfaces, 2007 (order
 /// 2).
-class ImplicitModel {
+class ImplicitModel : public VoxelField {
  public:
   /// @return error when config is out of bounds or the order is neither 0 nor 2.
   [[nodiscard]] static Result<ImplicitModel> Create(const FusionConfig& config);
 
   ImplicitModel(ImplicitModel&&) noexcept;
   ImplicitModel& operator=(ImplicitModel&&) noexcept;
-  ~ImplicitModel();
+  ~ImplicitModel() override;
 
   /// Adds one view. @return error when the view is invalid, its id is present already, it was
   /// cancelled, or the memory limit would be passed; the model is then as before.
@@ -103,28 +92,20 @@ class ImplicitModel {
 
   [[nodiscard]] std::vector<int> ViewIds() const;
   [[nodiscard]] const FusionConfig& config() const;
-  [[nodiscard]] std::size_t NumBlocks() const;
   [[nodiscard]] std::size_t MemoryBytes() const;
 
   /// The field at any point of the object frame (trilinear between voxels).
-  [[nodiscard]] FieldSample Query(const Eigen::Vector3d& point_object) const;
+  [[nodiscard]] FieldSample Query(const Eigen::Vector3d& point_object) const override;
 
   /// Ids of the views that measured the surface at a point, ascending; empty where Query is not
   /// supported.
   [[nodiscard]] std::vector<int> SupportingViews(const Eigen::Vector3d& point_object) const;
 
-  // Voxel access for surface extraction. Voxel (i, j, k) lies at voxel_m * (i, j, k).
-  using BlockIndex = std::array<int, 3>;
-  static constexpr int kBlockSize = 8;
-  /// Allocated blocks in lexicographic order.
-  [[nodiscard]] std::vector<BlockIndex> Blocks() const;
-  /// Field at a voxel; not supported where nothing was measured.
-  [[nodiscard]] FieldSample AtVoxel(const std::array<int, 3>& voxel) const;
-  static constexpr int kPaddedSize = kBlockSize + 1;
-  using PaddedDistances = std::array<float, kPaddedSize * kPaddedSize * kPaddedSize>;
-  /// Distances [m] at the voxels of a block and one layer beyond on the high sides, x fastest; NaN
-  /// where not supported.
-  [[nodiscard]] PaddedDistances DistancesOf(const BlockIndex& block) const;
+  [[nodiscard]] double voxel_m() const override;
+  [[nodiscard]] std::size_t NumBlocks() const override;
+  [[nodiscard]] std::vector<BlockIndex> Blocks() const override;
+  [[nodiscard]] FieldSample AtVoxel(const std::array<int, 3>& voxel) const override;
+  [[nodiscard]] PaddedDistances DistancesOf(const BlockIndex& block) const override;
 
   struct Impl;
   /// For the other files of the fusion stage.

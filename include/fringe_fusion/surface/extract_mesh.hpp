@@ -2,7 +2,7 @@
 
 #include "fringe_fusion/common/config.hpp"
 #include "fringe_fusion/common/progress.hpp"
-#include "fringe_fusion/fusion/implicit_model.hpp"
+#include "fringe_fusion/fusion/voxel_field.hpp"
 #include "fringe_fusion/surface/mesh.hpp"
 
 namespace fringe_fusion {
@@ -24,7 +24,7 @@ struct SurfaceConfig {
 /// Ref: Lorensen and Cline, Marching Cubes, 1987; the ambiguous faces are resolved by one rule for
 /// all, as in Montani, Scateni and Scopigno, A modified look-up table for implicit disambiguation
 /// of Marching Cubes, 1994.
-[[nodiscard]] Result<Mesh> ExtractMesh(const ImplicitModel& model, const SurfaceConfig& config,
+[[nodiscard]] Result<Mesh> ExtractMesh(const VoxelField& model, const SurfaceConfig& config,
                                        const Progress& progress = NoProgress);
 
 }  // namespace fringe_fusion
