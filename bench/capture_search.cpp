@@ -72,7 +72,8 @@ void Try(CaptureBench& bench, const CaptureSettings& settings, double covered, B
   best.settings = settings;
 }
 
-Best SearchGrid(CaptureBench& bench, double covered) {
+Best SearchGrid(CaptureBench& bench, const CaptureAssistantConfig& config) {
+  const double covered = config.covered_ratio;
   Best best;
   CaptureSettings settings;
   for (const auto& exposures : GridExposures()) {
@@ -83,12 +84,16 @@ Best SearchGrid(CaptureBench& bench, double covered) {
       if (settings.steps >= 3) Try(bench, settings, covered, best);
     }
   }
-  // Exposures between those of the grid, for the best code.
+  // Exposures between those of the grid, for the best code, within the limits of both.
+  const auto is_allowed = [&](double t) {
+    return t >= config.min_exposure_s && t <= config.max_exposure_s;
+  };
   const CaptureSettings coarse = best.settings;
   for (const double ratio : {0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.45, 1.6, 1.8, 2.0}) {
     for (std::size_t e = 0; e < coarse.exposures_s.size(); ++e) {
       settings = coarse;
       settings.exposures_s[e] *= ratio;
+      if (!is_allowed(settings.exposures_s[e])) continue;
       std::sort(settings.exposures_s.begin(), settings.exposures_s.end());
       settings.steps = StepsFor(settings, bench.scene.budget);
       if (settings.steps >= 3) Try(bench, settings, covered, best);
@@ -117,7 +122,7 @@ double Compare(const CaptureCase& scene) {
              Describe(proposal->settings), proposal->prediction.sigma_depth_m * 1e6, own_m * 1e6,
              proposal->num_compared);
   std::fflush(stdout);
-  const Best best = SearchGrid(bench, covered);
+  const Best best = SearchGrid(bench, config);
   const auto predicted = PredictCapture(*measured, best.settings, PhaseConfig{}, config);
   const double ratio = own_m / best.sigma_m;
   fmt::print("  best grid {:50} predicted {:6.2f} um, measured {:6.2f} um ({} measured)\n",
