@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
+#include "fringe_fusion/pattern/pattern_light.hpp"
 #include "response_bins.hpp"
 #include "stack_sampling.hpp"
 
@@ -13,6 +15,7 @@ namespace {
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kRampSamples = 200000;
 constexpr double kSaturationRatio = 0.98;
+constexpr std::size_t kMinParts = 4;  // fewer tell no spread
 
 // Light in a cosine pattern of full swing at phase theta.
 double Cosine(double theta_rad) { return 0.5 + 0.5 * std::cos(theta_rad); }
@@ -22,6 +25,15 @@ double Evaluate(const ResponseCurve& response, double light) {
   const auto low = std::min(static_cast<std::size_t>(value), std::size_t{254});
   const double part = value - static_cast<double>(low);
   return response.light[low] + part * (response.light[low + 1] - response.light[low]);
+}
+
+// The value whose light is nearest.
+std::uint8_t ValueOfLight(const ResponseCurve& response, double light) {
+  const auto above = std::lower_bound(response.light.begin(), response.light.end(), light);
+  auto value = static_cast<std::size_t>(above - response.light.begin());
+  value = std::min(value, std::size_t{255});
+  if (value > 0 && light - response.light[value - 1] < response.light[value] - light) --value;
+  return static_cast<std::uint8_t>(value);
 }
 
 // Power law nearest to the curve: Gauss-Newton on the sum of (light - x^gamma)^2.
@@ -47,6 +59,39 @@ void FitGamma(ResponseCurve& response) {
   }
   response.gamma = gamma;
   response.gamma_residual = std::sqrt(squares / 254.0);
+}
+
+// Spread of the gamma over the parts of the image: noise, and what differs from place to place.
+double JackknifeSigma(const diagnosis::BinsOfParts& parts) {
+  std::vector<double> gammas;
+  for (std::size_t left_out = 0; left_out < parts.size(); ++left_out) {
+    if (parts[left_out].empty()) continue;
+    diagnosis::ResponseBins bins;
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      if (k != left_out) bins.Add(parts[k]);
+    }
+    Result<ResponseCurve> curve = bins.Curve();
+    if (!curve) continue;
+    FitGamma(*curve);
+    gammas.push_back(curve->gamma);
+  }
+  const auto count = static_cast<double>(gammas.size());
+  if (gammas.size() < kMinParts) return std::numeric_limits<double>::quiet_NaN();
+  double mean = 0.0;
+  for (const double gamma : gammas) mean += gamma / count;
+  double squares = 0.0;
+  for (const double gamma : gammas) squares += (gamma - mean) * (gamma - mean);
+  return std::sqrt((count - 1.0) / count * squares);
+}
+
+Result<ResponseCurve> ToCurve(const diagnosis::BinsOfParts& parts) {
+  diagnosis::ResponseBins bins;
+  for (const diagnosis::ResponseBins& part : parts) bins.Add(part);
+  Result<ResponseCurve> response = bins.Curve();
+  if (!response) return response;
+  FitGamma(*response);
+  response->sigma_gamma = JackknifeSigma(parts);
+  return response;
 }
 
 // Black and white of every usable pixel of a ramp, as weights.
@@ -103,16 +148,15 @@ Result<ResponseCurve> MeasureResponse(const std::vector<int>& values,
   const auto stack = diagnosis::SampleStack(ramp, kRampSamples);
   if (!stack) return Forward(stack);
   const RampPixels pixels = FindRampPixels(*stack);
-  diagnosis::ResponseBins bins;
+  diagnosis::BinsOfParts bins{};
   for (std::size_t k = 0; k < values.size(); ++k) {
     for (std::size_t i = 0; i < stack->size(); ++i) {
-      bins.Add(values[k] / 255.0, static_cast<double>(stack->frames[k][i] - pixels.black[i]),
-               static_cast<double>(pixels.span[i]));
+      bins[diagnosis::PartOf(*stack, i)].Add(
+          values[k] / 255.0, static_cast<double>(stack->frames[k][i] - pixels.black[i]),
+          static_cast<double>(pixels.span[i]));
     }
   }
-  Result<ResponseCurve> response = bins.Curve();
-  if (response) FitGamma(*response);
-  return response;
+  return ToCurve(bins);
 }
 
 Result<ResponseCurve> ResponseFromScan(const ImageStack& stack, const DiagnosisConfig& config) {
@@ -122,9 +166,7 @@ Result<ResponseCurve> ResponseFromScan(const ImageStack& stack, const DiagnosisC
   const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
   if (!sampled) return Forward(sampled);
   const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(stack.sequence);
-  Result<ResponseCurve> response = diagnosis::CollectResponse(*sampled, plan).Curve();
-  if (response) FitGamma(*response);
-  return response;
+  return ToCurve(diagnosis::CollectResponse(*sampled, plan));
 }
 
 std::vector<double> Harmonics(const ResponseCurve& response, int count) {
@@ -213,39 +255,25 @@ Result<int> ChooseSteps(const ResponseCurve& response, double noise_ratio, int m
 std::array<std::uint8_t, 256> InverseLut(const ResponseCurve& response) {
   std::array<std::uint8_t, 256> lut{};
   for (std::size_t wanted = 0; wanted < 256; ++wanted) {
-    const double light = static_cast<double>(wanted) / 255.0;
-    const auto above = std::lower_bound(response.light.begin(), response.light.end(), light);
-    auto value = static_cast<std::size_t>(above - response.light.begin());
-    value = std::min(value, std::size_t{255});
-    if (value > 0 && light - response.light[value - 1] < response.light[value] - light) --value;
-    lut[wanted] = static_cast<std::uint8_t>(value);
+    lut[wanted] = ValueOfLight(response, static_cast<double>(wanted) / 255.0);
   }
   return lut;
 }
 
 Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width, int height,
                                            const ResponseCurve& response) {
-  Image<std::uint8_t> picture = RenderPattern(pattern, width, height, 1.0);
-  if (pattern.kind != PatternKind::kPhase) return picture;  // black and white stay what they are
-  const bool along_u = pattern.axis == Axis::kU;
-  const int size = along_u ? width : height;
-  std::vector<std::uint8_t> line(static_cast<std::size_t>(size));
-  for (int i = 0; i < size; ++i) {
-    const double phase = pattern.phase_sign * (2.0 * kPi * pattern.fringes * (i + 0.5) / size +
-                                               pattern.phase_offset_rad);
-    const double light = Cosine(phase - 2.0 * kPi * pattern.step / pattern.steps);
-    const auto above = std::lower_bound(response.light.begin(), response.light.end(), light);
-    auto value =
-        std::min(static_cast<std::size_t>(above - response.light.begin()), std::size_t{255});
-    if (value > 0 && light - response.light[value - 1] < response.light[value] - light) --value;
-    line[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(value);
-  }
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      picture(x, y) = line[static_cast<std::size_t>(along_u ? x : y)];
-    }
+  const Image<float> light = PatternLight(pattern, width, height);
+  Image<std::uint8_t> picture(width, height);
+  for (std::size_t i = 0; i < picture.size(); ++i) {
+    picture[i] = ValueOfLight(response, static_cast<double>(light[i]));
   }
   return picture;
+}
+
+Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width, int height,
+                                           const PatternCorrection& correction) {
+  return correction.response ? RenderCorrectedPattern(pattern, width, height, *correction.response)
+                             : RenderPattern(pattern, width, height, correction.gamma);
 }
 
 }  // namespace fringe_fusion

@@ -105,6 +105,17 @@ void ResponseBins::Add(double light, double signal_dn, double span_dn) {
   weight_[bin] += span_dn * span_dn;
 }
 
+void ResponseBins::Add(const ResponseBins& other) {
+  for (std::size_t i = 0; i < weight_.size(); ++i) {
+    signal_[i] += other.signal_[i];
+    weight_[i] += other.weight_[i];
+  }
+}
+
+bool ResponseBins::empty() const {
+  return std::all_of(weight_.begin(), weight_.end(), [](double weight) { return weight == 0.0; });
+}
+
 Result<ResponseCurve> ResponseBins::Curve() const {
   std::vector<Knot> knots;
   for (std::size_t i = 0; i < weight_.size(); ++i) {
@@ -129,8 +140,16 @@ Result<ResponseCurve> ResponseBins::Curve() const {
   return response;
 }
 
-ResponseBins CollectResponse(const SampledStack& stack, const SequencePlan& plan) {
-  ResponseBins bins;
+std::size_t PartOf(const SampledStack& stack, std::size_t sample) {
+  const auto width = static_cast<std::size_t>(stack.width());
+  const auto height = static_cast<std::size_t>(stack.height());
+  const std::size_t column = sample % width * kPartsPerSide / width;
+  const std::size_t row = sample / width * kPartsPerSide / height;
+  return row * kPartsPerSide + column;
+}
+
+BinsOfParts CollectResponse(const SampledStack& stack, const SequencePlan& plan) {
+  BinsOfParts bins{};
   if (plan.black_frames.empty() || plan.white_frames.empty()) return bins;
   const Span span = FindSpan(stack, plan);
   std::vector<StepFit> fits;
@@ -148,8 +167,9 @@ ResponseBins CollectResponse(const SampledStack& stack, const SequencePlan& plan
       const Image<float>& frame = stack.frames[static_cast<std::size_t>(set.frame_of_step[n])];
       const double delta = kTwoPi * static_cast<double>(n) / steps;
       for (std::size_t i = 0; i < stack.size(); ++i) {
-        bins.Add(0.5 + 0.5 * std::cos(static_cast<double>(phase[i]) - delta),
-                 static_cast<double>(frame[i] - span.black[i]), static_cast<double>(span.span[i]));
+        bins[PartOf(stack, i)].Add(0.5 + 0.5 * std::cos(static_cast<double>(phase[i]) - delta),
+                                   static_cast<double>(frame[i] - span.black[i]),
+                                   static_cast<double>(span.span[i]));
       }
     }
   }

@@ -14,6 +14,9 @@ class ResponseBins {
   /// @param span_dn white minus black of the pixel: its weight; 0 leaves it out.
   void Add(double light, double signal_dn, double span_dn);
 
+  void Add(const ResponseBins& other);
+  [[nodiscard]] bool empty() const;  ///< nothing with weight was added
+
   /// Weighted mean per value, made rising, between the values interpolated by a monotone cubic.
   /// @return error when fewer than three values were seen.
   /// Ref: Fritsch & Carlson, "Monotone piecewise cubic interpolation", SIAM J. Numer. Anal. 17,
@@ -26,8 +29,14 @@ class ResponseBins {
   std::array<double, 256> weight_{};
 };
 
+/// The image in kPartsPerSide x kPartsPerSide parts, which tell how far a result varies.
+constexpr std::size_t kPartsPerSide = 4;
+using BinsOfParts = std::array<ResponseBins, kPartsPerSide * kPartsPerSide>;
+/// Part in which a sample lies.
+[[nodiscard]] std::size_t PartOf(const SampledStack& stack, std::size_t sample);
+
 /// Bins of a scan: every set but the finest of its axis, at the phase that the finest one gives; an
 /// axis with one set at that set's own phase.
-[[nodiscard]] ResponseBins CollectResponse(const SampledStack& stack, const SequencePlan& plan);
+[[nodiscard]] BinsOfParts CollectResponse(const SampledStack& stack, const SequencePlan& plan);
 
 }  // namespace fringe_fusion::diagnosis

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "fringe_fusion/pattern/pattern_light.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
 
 namespace fringe_fusion {
@@ -47,30 +48,43 @@ double CarrierLight(const Pattern& pattern, int coordinate) {
   return 0.5 + 0.5 * std::cos(phase - 2.0 * kPi * pattern.carrier_step / pattern.carrier_steps);
 }
 
-}  // namespace
-
-Image<std::uint8_t> RenderPattern(const Pattern& pattern, int width, int height, double gamma) {
-  Image<std::uint8_t> picture(width, height);
+/// A picture is the product of a line along the axis of its pattern and one across.
+template <typename Pixel, typename ToPixel>
+Image<Pixel> Render(const Pattern& pattern, int width, int height, double power,
+                    const ToPixel& to_pixel) {
+  Image<Pixel> picture(width, height);
   const bool along_u = pattern.axis == Axis::kU;
   const int size = along_u ? width : height;
   const int across = along_u ? height : width;
   std::vector<double> light(static_cast<std::size_t>(size));
   std::vector<double> carrier(static_cast<std::size_t>(across));
-  // A product of powers is the power of the product: two lines make the picture.
+  // A product of powers is the power of the product.
   for (int i = 0; i < size; ++i) {
-    light[static_cast<std::size_t>(i)] = std::pow(Light(pattern, i, size), 1.0 / gamma);
+    light[static_cast<std::size_t>(i)] = std::pow(Light(pattern, i, size), power);
   }
   for (int i = 0; i < across; ++i) {
-    carrier[static_cast<std::size_t>(i)] = std::pow(CarrierLight(pattern, i), 1.0 / gamma);
+    carrier[static_cast<std::size_t>(i)] = std::pow(CarrierLight(pattern, i), power);
   }
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      const double value = 255.0 * light[static_cast<std::size_t>(along_u ? x : y)] *
-                           carrier[static_cast<std::size_t>(along_u ? y : x)];
-      picture(x, y) = static_cast<std::uint8_t>(std::lround(value));
+      picture(x, y) = to_pixel(light[static_cast<std::size_t>(along_u ? x : y)] *
+                               carrier[static_cast<std::size_t>(along_u ? y : x)]);
     }
   }
   return picture;
+}
+
+}  // namespace
+
+Image<std::uint8_t> RenderPattern(const Pattern& pattern, int width, int height, double gamma) {
+  return Render<std::uint8_t>(pattern, width, height, 1.0 / gamma, [](double value) {
+    return static_cast<std::uint8_t>(std::lround(255.0 * value));
+  });
+}
+
+Image<float> PatternLight(const Pattern& pattern, int width, int height) {
+  return Render<float>(pattern, width, height, 1.0,
+                       [](double light) { return static_cast<float>(light); });
 }
 
 }  // namespace fringe_fusion

@@ -3,6 +3,7 @@
 #include <numeric>
 
 #include "fringe_fusion/sim/sim_cell.hpp"
+#include "fringe_fusion/sim/simulate_scan.hpp"
 
 namespace fringe_fusion::sim {
 namespace {
@@ -21,7 +22,7 @@ Transform LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target,
 }
 
 struct CaptureSettings {
-  double gamma_correction = 1.0;
+  PatternCorrection correction;
   double exposure_s = 0.0;
   int view_id = 0;
 };
@@ -41,7 +42,7 @@ Result<ImageStack> Capture(SimCell& cell, const PatternSequence& sequence,
     const Pattern& pattern =
         shown[i] < 0 ? black : sequence.frames[static_cast<std::size_t>(shown[i])];
     const Image<std::uint8_t> picture =
-        RenderPattern(pattern, sequence.width, sequence.height, settings.gamma_correction);
+        RenderCorrectedPattern(pattern, sequence.width, sequence.height, settings.correction);
     const double exposure_s = settings.exposure_s * sequence.frames[i].exposure_ratio;
     Result<CapturedFrame> frame = cell.Expose(picture, exposure_s, static_cast<int>(i));
     if (!frame) return Forward(frame);
@@ -116,9 +117,15 @@ Matrix6d PoseErrorCovariance(const SimConfig& config, const Transform& T_object_
 
 Result<ImageStack> CaptureStack(SimCell& cell, const PatternSequence& sequence,
                                 double gamma_correction, double exposure_s, int view_id) {
+  return CaptureStack(cell, sequence, PatternCorrection{gamma_correction, {}}, exposure_s, view_id);
+}
+
+Result<ImageStack> CaptureStack(SimCell& cell, const PatternSequence& sequence,
+                                const PatternCorrection& correction, double exposure_s,
+                                int view_id) {
   std::vector<int> shown(sequence.frames.size());
   std::iota(shown.begin(), shown.end(), 0);
-  return Capture(cell, sequence, shown, {gamma_correction, exposure_s, view_id});
+  return Capture(cell, sequence, shown, {correction, exposure_s, view_id});
 }
 
 Result<ImageStack> CaptureMisordered(SimCell& cell, const PatternSequence& sequence,
@@ -134,7 +141,7 @@ Result<ImageStack> CaptureMisordered(SimCell& cell, const PatternSequence& seque
     return Fail("simulated capture: {} shown patterns for {} frames", shown.size(),
                 sequence.frames.size());
   }
-  return Capture(cell, sequence, shown, {1.0, exposure_s, view_id});
+  return Capture(cell, sequence, shown, {PatternCorrection{}, exposure_s, view_id});
 }
 
 }  // namespace fringe_fusion::sim

@@ -56,7 +56,8 @@ Status ScanView(const SimulateScanConfig& config, const ScanFolder& scan, int vi
                     Eigen::Vector3d(0.0, 0.0, config.target_height_m));
   if (Status status = cell.MoveTo(commanded, view_id); !status) return status;
   const Result<ImageStack> stack =
-      CaptureStack(cell, scan.sequence, config.pattern.gamma, config.exposure_s, view_id);
+      CaptureStack(cell, scan.sequence, PatternCorrection{config.pattern.gamma, config.response},
+                   config.exposure_s, view_id);
   if (!stack) return Forward(stack);
   const double angle_rad = 2.0 * kPi * view_id / config.views;
   if (Status status = WriteStack(scan, *stack, PriorPose(config, commanded), {angle_rad});

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "fringe_fusion/io/image_io.hpp"
+#include "fringe_fusion/pattern/pattern_light.hpp"
 #include "test/diagnosis/scenes.hpp"
 
 namespace fringe_fusion {
@@ -158,6 +159,53 @@ TEST(Response, PhaseTableAfterCaptureLeavesLittleRipple) {
         RippleOf(cell, Pictures(cell.calibration(), 7.0, steps, nullptr), 7.0, &lut);
     EXPECT_LE(after.rad, 0.003) << steps;
   }
+}
+
+TEST(Response, StatesHowSureTheGammaIs) {
+  // A noisier camera is less sure; the true gamma lies within what is stated and the bias that the
+  // test above allows.
+  std::vector<double> sigmas;
+  for (const double noise : {0.5, 2.0}) {
+    sim::SimConfig config;
+    config.projector_gamma = 1.8;
+    config.gain_dn = 0.02;
+    config.read_noise_dn = noise;
+    sim::SimCell cell = test::MakePartCell(config, 4, 2);
+    const auto response = ResponseFromScan(
+        test::Capture(cell, test::MakePatterns(cell.calibration(), "1,6,32", 4)), {});
+    ASSERT_TRUE(response) << response.error().message;
+    sigmas.push_back(response->sigma_gamma);
+    EXPECT_LT(std::abs(response->gamma - 1.8), 4.0 * response->sigma_gamma + 0.02);
+  }
+  EXPECT_GT(sigmas[0], 0.0);
+  EXPECT_LT(sigmas[0], 0.02);
+  EXPECT_GT(sigmas[1], sigmas[0]);
+}
+
+TEST(Response, CorrectedPicturesKeepCarrierAndCode) {
+  Pattern pattern;
+  pattern.kind = PatternKind::kPhase;
+  pattern.fringes = 3.0;
+  pattern.steps = 3;
+  pattern.carrier_period_px = 8.0;
+  pattern.carrier_step = 1;
+  pattern.carrier_steps = 3;
+  const ResponseCurve response = PowerResponse(2.2);
+  const Image<std::uint8_t> picture = RenderCorrectedPattern(pattern, 64, 32, response);
+  const Image<float> light = PatternLight(pattern, 64, 32);
+  for (std::size_t i = 0; i < picture.size(); ++i) {
+    EXPECT_NEAR(response.light[picture[i]], static_cast<double>(light[i]), 0.5 * 2.2 / 255.0);
+  }
+  Pattern gray;
+  gray.kind = PatternKind::kGray;
+  const Image<std::uint8_t> bars = RenderCorrectedPattern(gray, 8, 1, response);
+  const Image<std::uint8_t> plain = RenderPattern(gray, 8, 1, 1.0);
+  EXPECT_TRUE(std::equal(bars.begin(), bars.end(), plain.begin()));
+  // Without a response the gamma counts.
+  const Image<std::uint8_t> bent =
+      RenderCorrectedPattern(pattern, 64, 32, PatternCorrection{2.2, {}});
+  const Image<std::uint8_t> expected = RenderPattern(pattern, 64, 32, 2.2);
+  EXPECT_TRUE(std::equal(bent.begin(), bent.end(), expected.begin()));
 }
 
 TEST(Response, HarmonicsFollowTheClosedForm) {

@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <vector>
 
 #include "fringe_fusion/capture/image_stack.hpp"
@@ -19,6 +21,9 @@ struct ResponseCurve {
   std::array<double, 256> light{};
   double gamma = 1.0;           ///< of the power law nearest to it
   double gamma_residual = 0.0;  ///< rms distance from that power law
+  /// Standard deviation of gamma, by leaving out a sixteenth of the image at a time; NaN where
+  /// fewer than four parts of the image see the projector, or the curve was not measured.
+  double sigma_gamma = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// The curve (value / 255)^gamma.
@@ -61,9 +66,18 @@ struct PhaseLut {
 /// Value to send for each wanted light v / 255, so that the light is proportional to v.
 [[nodiscard]] std::array<std::uint8_t, 256> InverseLut(const ResponseCurve& response);
 
+/// What is undone in the pictures that are sent.
+struct PatternCorrection {
+  double gamma = 1.0;                     ///< where there is no response; 1: nothing
+  std::optional<ResponseCurve> response;  ///< measured with pictures in which nothing was undone
+};
+
 /// The picture of one pattern with the response undone, rounded once, to the nearest light.
 [[nodiscard]] Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width,
                                                          int height, const ResponseCurve& response);
+[[nodiscard]] Image<std::uint8_t> RenderCorrectedPattern(const Pattern& pattern, int width,
+                                                         int height,
+                                                         const PatternCorrection& correction);
 
 /// One N-step set of a plane whose phase is known otherwise, e.g. from a Gray code.
 struct GammaSet {

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "fringe_fusion/common/config.hpp"
 #include "fringe_fusion/common/progress.hpp"
+#include "fringe_fusion/diagnosis/response.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
 #include "fringe_fusion/sim/sim_cell.hpp"
 
@@ -24,6 +26,7 @@ struct SimulateScanConfig {
 
   SimConfig sim;
   PatternConfig pattern;
+  std::optional<ResponseCurve> response;  ///< undone in the patterns instead of pattern.gamma
   CellCalibration calibration = DefaultCalibration();
 
   template <typename Visitor>
@@ -46,6 +49,11 @@ struct SimulateScanConfig {
 /// @return error of the configuration, a dropped frame, the disk, or cancellation.
 [[nodiscard]] Status SimulateScan(const SimulateScanConfig& config, const Mesh& object,
                                   const std::string& folder, const Progress& progress = NoProgress);
+
+/// Captures a whole sequence at the present pose with a correction in its pictures.
+[[nodiscard]] Result<ImageStack> CaptureStack(SimCell& cell, const PatternSequence& sequence,
+                                              const PatternCorrection& correction,
+                                              double exposure_s, int view_id);
 
 /// The faces of a mesh that are marked, with the vertices they use.
 /// @param face_visible one entry per face.
