@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <set>
 
@@ -27,10 +28,18 @@ Status CheckInput(const ImageStack& stack, const DiagnosisConfig& config) {
     return Fail("diagnosis: {} frames, but the sequence has {} patterns", stack.frames.size(),
                 patterns);
   }
+  if (stack.frames.size() == patterns) return Validate(stack, "diagnosis");
   // The frames that are there must fit each other; their number is judged later.
   ImageStack present = stack;
   present.sequence.frames.resize(stack.frames.size());
   return Validate(present, "diagnosis");
+}
+
+bool IsOneExposure(const PatternSequence& sequence) {
+  return std::all_of(sequence.frames.begin(), sequence.frames.end(), [&](const Pattern& pattern) {
+    return pattern.exposure_ratio == sequence.frames.front().exposure_ratio &&
+           pattern.carrier_steps == 0;
+  });
 }
 
 // Frames of one exposure, each of which codes one coordinate.
@@ -112,7 +121,12 @@ Result<Diagnosis> Examine(const ImageStack& whole, const PhaseConfig& phase,
 
   Findings findings;
   const bool complete = whole.frames.size() == whole.sequence.frames.size();
-  const ImageStack stack = OneExposure(whole, BestExposure(*all, whole.sequence, exposures, phase));
+  // Frames are many megabytes: they are copied only where some are left out.
+  const bool is_one = IsOneExposure(whole.sequence);
+  const ImageStack part =
+      is_one ? ImageStack()
+             : OneExposure(whole, BestExposure(*all, whole.sequence, exposures, phase));
+  const ImageStack& stack = is_one ? whole : part;
   const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
   if (!sampled) return Forward(sampled);
   const diagnosis::FrameOrder order =

@@ -209,7 +209,10 @@ Result<PhaseConfig> WithSensorNoise(const PhaseConfig& phase, const ImageStack& 
                                     const DiagnosisConfig& config) {
   if (!config.estimate_noise) return phase;
   const Result<SensorNoise> noise = EstimateSensorNoise(stack, config);
-  if (!noise) return Forward(noise);
+  if (!noise) {
+    return Fail("{}; state read_noise_dn and gain_dn and set estimate_noise to false",
+                noise.error().message);
+  }
   PhaseConfig estimated = phase;
   estimated.read_noise_dn = noise->read_noise_dn;
   estimated.gain_dn = noise->gain_dn;

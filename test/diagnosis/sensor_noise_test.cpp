@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "fringe_fusion/io/config_yaml.hpp"
 #include "test/diagnosis/scenes.hpp"
@@ -67,6 +69,53 @@ TEST(SensorNoise, GivesTheDecoderItsSettingsOnRequestOnly) {
   ASSERT_TRUE(estimated) << estimated.error().message;
   EXPECT_NEAR(estimated->read_noise_dn, 2.0, 0.3);
   EXPECT_NEAR(estimated->gain_dn, 0.1, 0.02);
+}
+
+// Spread of (u - truth) / sigma_u over the valid pixels, from its median absolute value.
+double NormalisedError(const ImageStack& stack, const PhaseConfig& phase_config,
+                       const DiagnosisConfig& config, const Image<float>& truth_u) {
+  const auto with_noise = WithSensorNoise(phase_config, stack, config);
+  EXPECT_TRUE(with_noise) << with_noise.error().message;
+  const auto phase = DecodePhase(stack, *with_noise);
+  EXPECT_TRUE(phase) << phase.error().message;
+  std::vector<double> z;
+  for (std::size_t i = 0; i < truth_u.size(); ++i) {
+    if (phase->mask[i] != 0) continue;
+    z.push_back(std::abs(static_cast<double>((phase->u[i] - truth_u[i]) / phase->sigma_u[i])));
+  }
+  EXPECT_GT(z.size(), 2000U);
+  std::nth_element(z.begin(), z.begin() + static_cast<std::ptrdiff_t>(z.size() / 2), z.end());
+  return z[z.size() / 2] / 0.6745;
+}
+
+TEST(SensorNoise, KeepsSigmaTrueWhereTheSettingsStateAnotherNoise) {
+  sim::SimConfig config;
+  config.seed = 21;
+  config.read_noise_dn = 2.5;  // phase.yaml states 1.0 and 0.05
+  config.gain_dn = 0.2;
+  config.ambient_ratio = 0.1;
+  sim::SimCell cell = test::MakePartCell(config, 4, 1);
+  const ImageStack stack = test::Capture(cell, test::MakePatterns(cell.calibration(), "1,6,32", 4));
+  const Image<float> truth_u = cell.Truth().u;
+  DiagnosisConfig diagnosis;
+  PhaseConfig phase;
+  EXPECT_GT(NormalisedError(stack, phase, diagnosis, truth_u), 1.5);
+  diagnosis.estimate_noise = true;
+  const double estimated = NormalisedError(stack, phase, diagnosis, truth_u);
+  // The camera's blur over a bent surface adds a little that is no noise.
+  EXPECT_NEAR(estimated, 1.0, 0.1);
+  diagnosis.estimate_noise = false;
+  phase.read_noise_dn = config.read_noise_dn;
+  phase.gain_dn = config.gain_dn;
+  EXPECT_NEAR(estimated, NormalisedError(stack, phase, diagnosis, truth_u), 0.03);
+}
+
+TEST(SensorNoise, AStackThatSaysNothingAsksForTheSettings) {
+  DiagnosisConfig diagnosis;
+  diagnosis.estimate_noise = true;
+  const auto refused = WithSensorNoise(PhaseConfig{}, ImageStack{}, diagnosis);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("set estimate_noise to false"), std::string::npos);
 }
 
 TEST(SensorNoise, CountsTheSpacingOfGreyValues) {
