@@ -12,15 +12,27 @@ namespace fringe_fusion::cli {
 namespace {
 
 /// Files that a command reads from a folder of settings.
-constexpr std::array<const char*, 13> kStageFiles = {
-    "cell",  "crop",         "epipolar", "fusion",        "health",  "inspection",   "pattern",
-    "phase", "registration", "sim",      "simulate_scan", "surface", "triangulation"};
+constexpr std::array<const char*, 16> kStageFiles = {"capture_assistant",
+                                                     "cell",
+                                                     "crop",
+                                                     "diagnosis",
+                                                     "epipolar",
+                                                     "fusion",
+                                                     "health",
+                                                     "inspection",
+                                                     "pattern",
+                                                     "phase",
+                                                     "registration",
+                                                     "response",
+                                                     "sim",
+                                                     "simulate_scan",
+                                                     "surface",
+                                                     "triangulation"};
 /// Files of the nodes and of a scan, which may lie beside them.
-constexpr std::array<const char*, 19> kOtherFiles = {
-    "arm_axes",    "camera",   "cell_node",      "cell_sim",       "diagnosis",
-    "fusion_node", "job",      "motion",         "occupancy",      "patterns",
-    "phase_node",  "pose",     "pose_node",      "pose_prior",     "projector",
-    "scanner",     "stations", "turntable_axes", "turntable_stops"};
+constexpr std::array<const char*, 18> kOtherFiles = {
+    "arm_axes",   "camera",    "cell_node", "cell_sim",   "fusion_node",    "job",
+    "motion",     "occupancy", "patterns",  "phase_node", "pose",           "pose_node",
+    "pose_prior", "projector", "scanner",   "stations",   "turntable_axes", "turntable_stops"};
 
 template <typename Names>
 bool Contains(const Names& names, const std::string& name) {

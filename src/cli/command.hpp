@@ -48,14 +48,15 @@ class Session {
     }
   }
 
-  Console console;
-  Json figures;  ///< written to --json when the command succeeds
-
- private:
+  /// File of a stage in the settings.
   [[nodiscard]] std::string StageFile(const std::string& stage) const {
     return (std::filesystem::path(config_folder_) / (stage + ".yaml")).string();
   }
 
+  Console console;
+  Json figures;  ///< written to --json when the command succeeds
+
+ private:
   std::string config_folder_;
 };
 
@@ -109,6 +110,9 @@ void AddPatterns(Tool& tool);
 void AddSimulate(Tool& tool);
 void AddDecode(Tool& tool);
 void AddReconstruct(Tool& tool);
+void AddDiagnose(Tool& tool);
+void AddResponse(Tool& tool);
+void AddSuggest(Tool& tool);
 void AddPose(Tool& tool);
 void AddRegister(Tool& tool);
 void AddFuse(Tool& tool);

@@ -36,6 +36,9 @@ void Describe(Tool& tool) {
   AddSimulate(tool);
   AddDecode(tool);
   AddReconstruct(tool);
+  AddDiagnose(tool);
+  AddResponse(tool);
+  AddSuggest(tool);
   AddPose(tool);
   AddRegister(tool);
   AddFuse(tool);

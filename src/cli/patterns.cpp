@@ -1,8 +1,12 @@
 // fringe patterns: settings of the pattern stage -> patterns.yaml and one picture per frame.
+#include <cmath>
 #include <filesystem>
 
 #include "command.hpp"
+#include "fringe_fusion/diagnosis/capture_assistant.hpp"
+#include "fringe_fusion/diagnosis/response.hpp"
 #include "fringe_fusion/io/image_io.hpp"
+#include "fringe_fusion/io/response_yaml.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "staged_folder.hpp"
 
@@ -16,6 +20,8 @@ struct PatternsOptions {
   std::string size;
   std::string patterns;
   std::string out;
+  int ramp = 0;
+  bool test_exposures = false;
 };
 
 void Declare(CLI::App& command, PatternsOptions& options) {
@@ -29,6 +35,14 @@ void Declare(CLI::App& command, PatternsOptions& options) {
       .add_option("--patterns", options.patterns,
                   "Show the frames of this file instead of those of pattern.yaml")
       ->type_name("PATTERNS.yaml");
+  command
+      .add_option("--ramp", options.ramp,
+                  "Flat pictures of N values from 0 to 255 instead, ramp_VVV.png, for `fringe "
+                  "response --ramp`")
+      ->check(CLI::Range(3, 256))
+      ->type_name("N");
+  command.add_flag("--test-exposures", options.test_exposures,
+                   "The test exposures of `fringe suggest` instead; needs --cell");
   command.add_option("--out", options.out, "Folder for patterns.yaml and the pictures")
       ->required()
       ->type_name("DIR");
@@ -51,11 +65,15 @@ Result<Size> ParseSize(const std::string& text) {
   return size;
 }
 
+/// @return for a ramp: the size alone.
 Result<PatternSequence> ChooseSequence(const PatternsOptions& options,
                                        const PatternConfig& config) {
   const int num_sources = static_cast<int>(!options.cell.empty()) +
                           static_cast<int>(!options.size.empty()) +
                           static_cast<int>(!options.patterns.empty());
+  if (options.test_exposures && options.cell.empty()) {
+    return Fail("--test-exposures needs --cell: the axis that moves with the depth is coded");
+  }
   if (num_sources != 1) {
     return Fail("exactly one of --cell, --size and --patterns is needed, {} are given",
                 num_sources);
@@ -64,11 +82,45 @@ Result<PatternSequence> ChooseSequence(const PatternsOptions& options,
   if (!options.size.empty()) {
     const Result<Size> size = ParseSize(options.size);
     if (!size) return Forward(size);
+    if (options.ramp > 0) return PatternSequence{size->width, size->height, {}};
     return MakeSequence(config, size->width, size->height);
   }
   const auto calibration = ReadCellCalibration(options.cell);
   if (!calibration) return Forward(calibration);
-  return MakeSequence(config, calibration->projector.width, calibration->projector.height);
+  const CameraModel& projector = calibration->projector;
+  if (options.ramp > 0) return PatternSequence{projector.width, projector.height, {}};
+  return MakeSequence(options.test_exposures ? TestPattern(*calibration) : config, projector.width,
+                      projector.height);
+}
+
+/// What the settings say is undone in the pictures.
+Result<PatternCorrection> LoadCorrection(const PatternConfig& config, const Session& session) {
+  PatternCorrection correction;
+  correction.gamma = config.gamma;
+  if (!session.HasStage("response")) return correction;
+  if (config.gamma != 1.0) {
+    return Fail("pattern.yaml: gamma is {}, but response.yaml beside it says what is undone",
+                config.gamma);
+  }
+  auto response = ReadResponse(session.StageFile("response"));
+  if (!response) return Forward(response);
+  correction.response = std::move(*response);
+  return correction;
+}
+
+Status WriteRamp(const PatternsOptions& options, const PatternSequence& size, Session& session) {
+  const auto folder = NeededFolder::Create(options.out);
+  if (!folder) return Forward(folder);
+  for (int i = 0; i < options.ramp; ++i) {
+    const auto value = static_cast<std::uint8_t>(std::lround(255.0 * i / (options.ramp - 1)));
+    const Image<std::uint8_t> picture(size.width, size.height, value);
+    const fs::path file = fs::path(options.out) / fmt::format("ramp_{:03d}.png", value);
+    if (Status status = WriteImage(picture, file.string()); !status) return status;
+  }
+  session.figures.Set("num_frames", options.ramp)
+      .Set("width", size.width)
+      .Set("height", size.height);
+  return {};
 }
 
 Status Patterns(const PatternsOptions& options, Session& session) {
@@ -76,6 +128,9 @@ Status Patterns(const PatternsOptions& options, Session& session) {
   if (!config) return Forward(config);
   const Result<PatternSequence> sequence = ChooseSequence(options, *config);
   if (!sequence) return Forward(sequence);
+  if (options.ramp > 0) return WriteRamp(options, *sequence, session);
+  const auto correction = LoadCorrection(*config, session);
+  if (!correction) return Forward(correction);
   const auto folder = NeededFolder::Create(options.out);
   if (!folder) return Forward(folder);
   session.console.Begin("patterns", 1);
@@ -85,7 +140,7 @@ Status Patterns(const PatternsOptions& options, Session& session) {
     const double done = static_cast<double>(i) / static_cast<double>(sequence->frames.size());
     if (!progress("patterns", done)) return Fail("{}", kCancelled);
     const Image<std::uint8_t> picture =
-        RenderPattern(pattern, sequence->width, sequence->height, config->gamma);
+        RenderCorrectedPattern(pattern, sequence->width, sequence->height, *correction);
     const fs::path file =
         fs::path(options.out) / fmt::format("{:03d}_{}.png", i, PatternName(pattern));
     if (Status status = WriteImage(picture, file.string()); !status) return status;

@@ -26,7 +26,7 @@ struct PoseOptions {
 };
 
 struct PoseSettings {
-  PhaseConfig phase;
+  DecodeConfig decode;
   EpipolarConfig epipolar;
   HealthConfig health;
 };
@@ -53,13 +53,13 @@ void Declare(CLI::App& command, PoseOptions& options) {
 }
 
 Result<PoseSettings> LoadSettings(const Session& session) {
-  const auto phase = session.LoadStage<PhaseConfig>("phase");
-  if (!phase) return Forward(phase);
+  const auto decode = LoadDecodeConfig(session);
+  if (!decode) return Forward(decode);
   const auto epipolar = session.LoadStage<EpipolarConfig>("epipolar");
   if (!epipolar) return Forward(epipolar);
   const auto health = session.LoadStage<HealthConfig>("health");
   if (!health) return Forward(health);
-  return PoseSettings{*phase, *epipolar, *health};
+  return PoseSettings{*decode, *epipolar, *health};
 }
 
 /// Decodes every view, judges it, and collects its matches.
@@ -73,8 +73,8 @@ Result<std::vector<Match>> ReadMatches(const ScanFolder& scan, const std::vector
     const Progress progress = session.console.Part(static_cast<int>(result.health.size()));
     const auto stack = ReadStack(scan, id);
     if (!stack) return Forward(stack);
-    const auto phase = DecodePhase(*stack, settings.phase, progress);
-    if (!phase) return Fail("{}: {}", ViewFolder(scan, id), phase.error().message);
+    const auto phase = DecodeView(*stack, settings.decode, ViewFolder(scan, id), progress);
+    if (!phase) return Forward(phase);
     const auto matches = SampleMatches(*phase, settings.epipolar.max_matches);
     if (!matches) return Fail("{}: {}", ViewFolder(scan, id), matches.error().message);
     all.insert(all.end(), matches->begin(), matches->end());

@@ -3,6 +3,8 @@
 
 #include "command.hpp"
 #include "figures.hpp"
+#include "fringe_fusion/inspection/mask_picture.hpp"
+#include "fringe_fusion/io/image_io.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "staged_folder.hpp"
@@ -35,9 +37,19 @@ ScanFolder OutputFolder(const ScanFolder& scan, const std::string& out) {
   return target;
 }
 
+/// The reasons in colours, and what each colour means.
+Status WriteMaskPictures(const PhaseMap& phase, const std::string& folder) {
+  const std::filesystem::path path(folder);
+  if (Status status = WriteImage(RenderMask(phase.mask), (path / "mask_color.png").string());
+      !status) {
+    return status;
+  }
+  return WriteImage(MaskLegend(), (path / "mask_legend.png").string());
+}
+
 Status Decode(const ReconstructOptions& options, Session& session) {
   session.AdoptSettings(options.scan);
-  const auto config = session.LoadStage<PhaseConfig>("phase");
+  const auto config = LoadDecodeConfig(session);
   if (!config) return Forward(config);
   const auto scan = OpenScan(options.scan);
   if (!scan) return Forward(scan);
@@ -51,11 +63,12 @@ Status Decode(const ReconstructOptions& options, Session& session) {
     const Progress progress = session.console.Part(static_cast<int>(figures.size()));
     const auto stack = ReadStack(*scan, id);
     if (!stack) return Forward(stack);
-    auto phase = DecodePhase(*stack, *config, progress, std::move(last));
-    if (!phase) return Fail("{}: {}", ViewFolder(*scan, id), phase.error().message);
+    auto phase = DecodeView(*stack, *config, ViewFolder(*scan, id), progress, std::move(last));
+    if (!phase) return Forward(phase);
     const auto folder = NeededFolder::Create(ViewFolder(target, id));
     if (!folder) return Forward(folder);
     if (Status status = WritePhaseMap(target, id, *phase); !status) return status;
+    if (Status status = WriteMaskPictures(*phase, ViewFolder(target, id)); !status) return status;
     figures.push_back(PhaseFigures(id, *phase));
     last = std::move(*phase);
   }
@@ -94,10 +107,10 @@ Status Reconstruct(const ReconstructOptions& options, Session& session) {
 }  // namespace
 
 void AddDecode(Tool& tool) {
-  AddCommand<ReconstructOptions>(
-      tool, "decode",
-      "Frames -> phase maps: u, v, sigma_u, sigma_v, modulation (.tiff) and mask.png per view",
-      Declare, Decode);
+  AddCommand<ReconstructOptions>(tool, "decode",
+                                 "Frames -> phase maps: u, v, sigma_u, sigma_v, modulation (.tiff) "
+                                 "and mask.png per view, the mask also in colours, with a legend",
+                                 Declare, Decode);
 }
 
 void AddReconstruct(Tool& tool) {

@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "capture_figures.hpp"
 #include "command.hpp"
 #include "figures.hpp"
 #include "fringe_fusion/inspection/picture.hpp"
@@ -40,6 +41,7 @@ struct Work {
   RunConfig config;
   fs::path folder;  ///< where results are written
   std::vector<View> views;
+  std::vector<ViewDiagnosis> captures;
   Report report;
   std::string summary;  ///< the line that ends the command
 };
@@ -83,6 +85,30 @@ Status WritePhasePicture(Work& work, int view_id, const PhaseMap& phase) {
   return WriteImage(RenderScalar(coordinate), (work.folder / "phase.png").string());
 }
 
+/// Frames of one view -> range image, after a look at the frames: where they yield nothing, the
+/// finding says why.
+Result<Reconstruction> ExamineAndReconstruct(Work& work, int view_id, const Progress& progress) {
+  const ReconstructConfig& config = work.config.reconstruct;
+  const auto stack = ReadStack(work.scan, view_id);
+  if (!stack) return Forward(stack);
+  work.captures.push_back({view_id, DiagnoseStack(*stack, config.decode.phase,
+                                                  config.decode.diagnosis, work.scan.calibration)});
+  auto made = ReconstructStack(work.scan, *stack, config, progress);
+  const Result<Diagnosis>& diagnosis = work.captures.back().diagnosis;
+  if (made || !diagnosis || diagnosis->findings.empty()) return made;
+  const Finding& cause = diagnosis->findings.front();
+  return Fail("{}; capture: {}: {}; {}", made.error().message, FindingName(cause.kind),
+              cause.evidence, cause.advice);
+}
+
+/// What the frames said about their capture. Findings never stop a run.
+void ReportCapture(Work& work, Session& session) {
+  std::vector<Json> figures;
+  for (const ViewDiagnosis& view : work.captures) figures.push_back(DiagnosisFigures(view));
+  session.figures.Set("capture", figures);
+  work.report.tables.push_back(CaptureTable(work.captures));
+}
+
 Status ReconstructViews(Work& work, Session& session) {
   Report::Table table;
   table.title = "Views";
@@ -95,7 +121,7 @@ Status ReconstructViews(Work& work, Session& session) {
     const Progress progress = session.console.Part(static_cast<int>(figures.size()));
     const auto pose = PriorPose(work.scan, id);
     if (!pose) return tl::unexpected(pose.error());
-    auto made = ReconstructView(work.scan, id, work.config.reconstruct, progress);
+    auto made = ExamineAndReconstruct(work, id, progress);
     if (!made) return tl::unexpected(made.error());
     if (figures.empty()) {
       if (Status status = WritePhasePicture(work, id, made->phase); !status) return status;
@@ -119,6 +145,7 @@ Status ReconstructViews(Work& work, Session& session) {
   session.figures.Set("views", figures);
   work.report.tables.push_back(std::move(table));
   work.report.tables.push_back(MaskTable(names, masks));
+  ReportCapture(work, session);
   return {};
 }
 
@@ -214,11 +241,15 @@ Status Run(const RunOptions& options, Session& session) {
   if (const auto ids = SelectViews(*scan, -1); !ids) return tl::unexpected(ids.error());
   auto folder = StagedFolder::Create(options.out);
   if (!folder) return tl::unexpected(folder.error());
-  Work work{std::move(*scan), std::move(*config), folder->path(), {}, {}, {}};
+  Work work{std::move(*scan), std::move(*config), folder->path(), {}, {}, {}, {}};
   if (Status status = AllStages(options, work, session); !status) return status;
   session.figures.Set("calibration_id", CalibrationId(work.scan.calibration));
   if (Status status = folder->Commit(); !status) return status;
   fmt::print("{}: {}\n", (fs::path(options.out) / "mesh.ply").string(), work.summary);
+  if (const std::size_t count = CountFindings(work.captures); count > 0) {
+    fmt::print("{}: {} findings about the capture, see the section Capture\n",
+               (fs::path(options.out) / "report.html").string(), count);
+  }
   return {};
 }
 

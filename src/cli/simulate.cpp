@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "command.hpp"
+#include "fringe_fusion/io/response_yaml.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/sim/gauges.hpp"
 #include "fringe_fusion/sim/simulate_scan.hpp"
@@ -25,7 +26,8 @@ void Declare(CLI::App& command, SimulateOptions& options) {
   command
       .add_option("--config", options.config,
                   "Calibration of the simulated devices (cell.yaml), or a folder that may hold "
-                  "cell.yaml, sim.yaml, pattern.yaml and simulate_scan.yaml (default: the built-in "
+                  "cell.yaml, sim.yaml, pattern.yaml, response.yaml and simulate_scan.yaml "
+                  "(default: the built-in "
                   "scanner without noise or pose error)")
       ->type_name("CELL.yaml|DIR");
   command
@@ -73,6 +75,15 @@ Result<sim::SimulateScanConfig> LoadSettings(const SimulateOptions& options) {
     }
     if (Status status = LoadInto(folder, "pattern", config.pattern); !status) {
       return tl::unexpected(status.error());
+    }
+    if (fs::exists(folder / "response.yaml")) {
+      if (config.pattern.gamma != 1.0) {
+        return Fail("{}: gamma is {}, but response.yaml beside it says what is undone",
+                    (folder / "pattern.yaml").string(), config.pattern.gamma);
+      }
+      auto response = ReadResponse((folder / "response.yaml").string());
+      if (!response) return Forward(response);
+      config.response = std::move(*response);
     }
     if (fs::exists(folder / "cell.yaml")) cell_file = folder / "cell.yaml";
   } else {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "figures.hpp"
+#include "fringe_fusion/diagnosis/sensor_noise.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
 
@@ -127,32 +128,54 @@ void DeclareViews(CLI::App& command, ViewsOptions& options) {
       ->capture_default_str();
 }
 
-Result<ReconstructConfig> LoadReconstructConfig(const Session& session) {
+Result<DecodeConfig> LoadDecodeConfig(const Session& session) {
   const auto phase = session.LoadStage<PhaseConfig>("phase");
   if (!phase) return Forward(phase);
+  const auto diagnosis = session.LoadStage<DiagnosisConfig>("diagnosis");
+  if (!diagnosis) return Forward(diagnosis);
+  return DecodeConfig{*phase, *diagnosis};
+}
+
+Result<PhaseMap> DecodeView(const ImageStack& stack, const DecodeConfig& config,
+                            const std::string& owner, const Progress& progress, PhaseMap recycled) {
+  const auto phase = WithSensorNoise(config.phase, stack, config.diagnosis);
+  if (!phase) return Fail("{}: {}", owner, phase.error().message);
+  Result<PhaseMap> map = DecodePhase(stack, *phase, progress, std::move(recycled));
+  if (!map) return Fail("{}: {}", owner, map.error().message);
+  return map;
+}
+
+Result<ReconstructConfig> LoadReconstructConfig(const Session& session) {
+  const auto decode = LoadDecodeConfig(session);
+  if (!decode) return Forward(decode);
   const auto triangulation = session.LoadStage<TriangulationConfig>("triangulation");
   if (!triangulation) return Forward(triangulation);
-  return ReconstructConfig{*phase, *triangulation};
+  return ReconstructConfig{*decode, *triangulation};
 }
 
 Result<Reconstruction> ReconstructView(const ScanFolder& scan, int view_id,
                                        const ReconstructConfig& config, const Progress& progress) {
   const Result<ImageStack> stack = ReadStack(scan, view_id);
   if (!stack) return Forward(stack);
+  return ReconstructStack(scan, *stack, config, progress);
+}
+
+Result<Reconstruction> ReconstructStack(const ScanFolder& scan, const ImageStack& stack,
+                                        const ReconstructConfig& config, const Progress& progress) {
+  const std::string owner = ViewFolder(scan, stack.view_id);
   const auto half = [&progress](double begin) {
     return [&progress, begin](const std::string& stage, double fraction) {
       return progress(stage, begin + 0.5 * fraction);
     };
   };
-  Result<PhaseMap> phase = DecodePhase(*stack, config.phase, half(0.0));
-  if (!phase) return Fail("{}: {}", ViewFolder(scan, view_id), phase.error().message);
+  Result<PhaseMap> phase = DecodeView(stack, config.decode, owner, half(0.0));
+  if (!phase) return Forward(phase);
   auto triangulation = Triangulate(*phase, scan.calibration, config.triangulation, half(0.5));
   if (!triangulation) {
-    return Fail("{}: {}", ViewFolder(scan, view_id), triangulation.error().message);
+    return Fail("{}: {}", owner, triangulation.error().message);
   }
   if (CountValid(triangulation->range) == 0) {
-    return Fail("{}: has no valid point; pixels: {}", ViewFolder(scan, view_id),
-                ReasonCounts(triangulation->mask));
+    return Fail("{}: has no valid point; pixels: {}", owner, ReasonCounts(triangulation->mask));
   }
   return Reconstruction{std::move(*phase), std::move(*triangulation)};
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "command.hpp"
+#include "fringe_fusion/diagnosis/diagnosis_config.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
 #include "fringe_fusion/pose/view.hpp"
@@ -20,9 +21,22 @@ struct ViewsOptions {
 };
 void DeclareViews(CLI::App& command, ViewsOptions& options);
 
+/// Settings of the stages from frames to phase maps.
+struct DecodeConfig {
+  PhaseConfig phase;
+  DiagnosisConfig diagnosis;  ///< how sensor noise is estimated, where phase asks for it
+};
+[[nodiscard]] Result<DecodeConfig> LoadDecodeConfig(const Session& session);
+
+/// Decodes the frames of one view with the sensor noise that the settings choose.
+/// @param owner names the view in errors. @param recycled see DecodePhase.
+[[nodiscard]] Result<PhaseMap> DecodeView(const ImageStack& stack, const DecodeConfig& config,
+                                          const std::string& owner, const Progress& progress,
+                                          PhaseMap recycled = {});
+
 /// Settings of the stages from frames to range images.
 struct ReconstructConfig {
-  PhaseConfig phase;
+  DecodeConfig decode;
   TriangulationConfig triangulation;
 };
 [[nodiscard]] Result<ReconstructConfig> LoadReconstructConfig(const Session& session);
@@ -36,6 +50,11 @@ struct Reconstruction {
 [[nodiscard]] Result<Reconstruction> ReconstructView(const ScanFolder& scan, int view_id,
                                                      const ReconstructConfig& config,
                                                      const Progress& progress);
+/// The same where the frames have been read. @param stack of view stack.view_id.
+[[nodiscard]] Result<Reconstruction> ReconstructStack(const ScanFolder& scan,
+                                                      const ImageStack& stack,
+                                                      const ReconstructConfig& config,
+                                                      const Progress& progress);
 
 /// Pose of a view from its view.yaml. The camera frame of a single view without a prior is taken
 /// as the object frame; with several views such a view is an error that names it.

@@ -235,8 +235,8 @@ TEST_F(Commands, TellTheirOptions) {
   EXPECT_EQ(version.out.rfind("fringe_fusion ", 0), 0U) << version.out;
   const Outcome help = RunFringe({"--help"});
   EXPECT_EQ(help.exit_status, 0);
-  for (const char* command : {"patterns", "simulate", "decode", "reconstruct", "register", "fuse",
-                              "inspect", "import", "run"}) {
+  for (const char* command : {"patterns", "simulate", "diagnose", "response", "suggest", "decode",
+                              "reconstruct", "register", "fuse", "inspect", "import", "run"}) {
     EXPECT_NE(help.out.find(command), std::string::npos) << command;
     const Outcome own = RunFringe({command, "--help"});
     EXPECT_EQ(own.exit_status, 0) << command;
