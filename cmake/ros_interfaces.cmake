@@ -4,12 +4,12 @@ find_package(catkin REQUIRED COMPONENTS
   std_msgs std_srvs tf2 tf2_eigen tf2_ros visualization_msgs)
 
 add_message_files(FILES
-  DecodedView.msg Frame.msg IntrinsicsSigma.msg PatternDescription.msg PatternList.msg
+  CaptureFinding.msg DecodedView.msg Frame.msg IntrinsicsSigma.msg PatternDescription.msg PatternList.msg
   RangeView.msg StageState.msg ViewPose.msg ViewPoses.msg ViewStatus.msg)
 add_service_files(FILES
   Capture.srv ExtractSurface.srv IntegrateView.srv LoadSequence.srv OptimizeViews.srv
   QueryDistance.srv ReadModel.srv SelfCalibrate.srv ShowPattern.srv SimExpose.srv SimProject.srv
-  SolveRelativePose.srv SolveViewPose.srv WriteModel.srv)
+  SolveRelativePose.srv SolveViewPose.srv SuggestSettings.srv WriteModel.srv)
 add_action_files(FILES
   MoveToView.action ScanObject.action ScanView.action)
 generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs)

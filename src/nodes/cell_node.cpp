@@ -10,6 +10,7 @@
 
 #include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
+#include "fringe_fusion/ros_io/finding_messages.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
 #include "fringe_fusion/ros_io/service_call.hpp"
@@ -63,14 +64,18 @@ Result<std::unique_ptr<CellNode>> CellNode::Create(ros::NodeHandle nh, ros::Node
     return Fail("parameter {}: {} values are not a multiple of num_joints = {}",
                 private_nh.resolveName("joint_positions"), positions->size(), *num_joints);
   }
-  return std::unique_ptr<CellNode>(new CellNode(std::move(nh), *config, *positions, *num_joints));
+  const auto phase = ros_io::LoadConfig<PhaseConfig>(ros::NodeHandle(private_nh, "phase"));
+  if (!phase) return Forward(phase);
+  const auto diagnosis =
+      ros_io::LoadConfig<DiagnosisConfig>(ros::NodeHandle(private_nh, "diagnosis"));
+  if (!diagnosis) return Forward(diagnosis);
+  return std::unique_ptr<CellNode>(
+      new CellNode(std::move(nh), {*config, *phase, *diagnosis, *positions, *num_joints}));
 }
 
-CellNode::CellNode(ros::NodeHandle nh, CellNodeConfig config, std::vector<double> joint_positions,
-                   int num_joints)
-    : config_(std::move(config)),
-      joint_positions_(std::move(joint_positions)),
-      num_joints_(num_joints),
+CellNode::CellNode(ros::NodeHandle nh, Setup setup)
+    : setup_(std::move(setup)),
+      config_(setup_.config),
       nh_(std::move(nh)),
       client_nh_(WithQueue(nh_, client_queue_)),
       move_client_(client_nh_, "move_to_view", /*spin_thread=*/false),
@@ -122,6 +127,9 @@ void CellNode::Execute(const ScanObjectGoal& goal) {
   result.mesh_path = run->folder + "/mesh.ply";
   result.rms_before = run->figures.rms_before_m;
   result.rms_after = run->figures.rms_after_m;
+  for (const auto& entry : run->findings) {
+    result.findings.insert(result.findings.end(), entry.second.begin(), entry.second.end());
+  }
   result.message =
       fmt::format("{} views, {} points: {}", result.num_views, result.num_points, result.mesh_path);
   ROS_INFO("scan done: %s", result.message.c_str());
@@ -177,7 +185,8 @@ Result<CellNode::Run> CellNode::Prepare(const ScanObjectGoal& goal) {
     run.job.scan_id = goal.scan_id.empty() ? IdFromTime() : goal.scan_id;
     run.job.num_views = goal.num_views == 0 ? config_.num_views : static_cast<int>(goal.num_views);
   }
-  const std::size_t num_stops = joint_positions_.size() / static_cast<std::size_t>(num_joints_);
+  const std::size_t num_stops =
+      setup_.joint_positions.size() / static_cast<std::size_t>(setup_.num_joints);
   if (num_stops > 0 && static_cast<std::size_t>(run.job.num_views) > num_stops) {
     return Fail("{} views are more than the {} stops in joint_positions", run.job.num_views,
                 num_stops);
@@ -253,18 +262,19 @@ Status CellNode::CaptureView(Run& run, int view_id) {
       RunGoal<ScanViewResult>(scan_client_, client_queue_, scan, "scan_view",
                               {config_.server_timeout_s, config_.view_timeout_s}, cancelled);
   if (!scanned) return tl::unexpected<Error>(scanned.error());
+  run.findings[view_id] = scanned->findings;
   tracker_.Sent(view_id);
   return {};
 }
 
 std::vector<double> CellNode::Stop(int view_id, int num_views) const {
-  if (joint_positions_.empty()) {
-    std::vector<double> positions(static_cast<std::size_t>(num_joints_), 0.0);
+  if (setup_.joint_positions.empty()) {
+    std::vector<double> positions(static_cast<std::size_t>(setup_.num_joints), 0.0);
     positions.front() = 2.0 * 3.14159265358979323846 * view_id / num_views;
     return positions;
   }
-  const auto first = joint_positions_.begin() + view_id * num_joints_;
-  return {first, first + num_joints_};
+  const auto first = setup_.joint_positions.begin() + view_id * setup_.num_joints;
+  return {first, first + setup_.num_joints};
 }
 
 Status CellNode::WaitForModel(Run& run, std::size_t num_in_flight) {
@@ -315,7 +325,7 @@ Status CellNode::Resend(Run& run, const std::vector<int>& view_ids) {
   return {};
 }
 
-Status CellNode::SendFromDisk(const Run& run, int view_id) {
+Status CellNode::SendFromDisk(Run& run, int view_id) {
   Feedback(run, fmt::format("sending view {} from disk", view_id),
            0.9 * view_id / run.job.num_views);
   const Result<ScanFolder> scan = OpenScan(ScanFolderOf(run.folder));
@@ -340,6 +350,11 @@ Status CellNode::SendFromDisk(const Run& run, int view_id) {
   tracker_.Sent(view_id);
   for (std::size_t i = 0; i < stack->frames.size(); ++i) {
     frame_publisher_.publish(ros_io::ToMessage(*stack, i, config_.camera_frame));
+  }
+  // A view of an interrupted scan: what was found then is forgotten.
+  if (run.findings.count(view_id) == 0) {
+    const auto diagnosis = DiagnoseStack(*stack, setup_.phase, setup_.diagnosis, scan->calibration);
+    if (diagnosis) run.findings[view_id] = ros_io::ToMessages(*diagnosis, view_id);
   }
   return {};
 }
@@ -412,7 +427,7 @@ Status CellNode::WriteOutput(Run& run, const ViewPoses& poses) {
 
   std::map<int, ScanFigures::View> views;
   for (const auto& [id, progress] : tracker_.Views()) {
-    views[id] = {id, progress.num_points, progress.num_dropped, 0.0, 0.0, false};
+    views[id] = {id, progress.num_points, progress.num_dropped, 0.0, 0.0, false, {}};
     run.seconds["phase (in parallel)"] += progress.phase_s;
     run.seconds["fusion of views (in parallel)"] += progress.fusion_s;
   }
@@ -421,6 +436,11 @@ Status CellNode::WriteOutput(Run& run, const ViewPoses& poses) {
     view.overlap_ratio = pose.overlap;
     view.rms_m = pose.rms;
     view.connected = pose.connected != 0;
+  }
+  for (const auto& [id, findings] : run.findings) {
+    for (const CaptureFinding& finding : findings) {
+      views[id].findings.push_back({finding.name, finding.evidence, finding.advice});
+    }
   }
   for (const auto& entry : views) run.figures.views.push_back(entry.second);
   run.figures.seconds.assign(run.seconds.begin(), run.seconds.end());

@@ -2,6 +2,7 @@
 
 #include <actionlib/client/simple_action_client.h>
 #include <actionlib/server/simple_action_server.h>
+#include <fringe_fusion/CaptureFinding.h>
 #include <fringe_fusion/MoveToViewAction.h>
 #include <fringe_fusion/OptimizeViews.h>
 #include <fringe_fusion/ScanObjectAction.h>
@@ -16,6 +17,7 @@
 #include <vector>
 
 #include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/diagnosis/diagnose_stack.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "nodes/action_goal.hpp"
 #include "nodes/scan_output.hpp"
@@ -73,12 +75,19 @@ class CellNode {
     bool resume = false;
     ScanJob job;
     std::map<int, int> num_resends;
+    std::map<int, std::vector<CaptureFinding>> findings;  ///< of every view that was examined
     ScanFigures figures;
     std::map<std::string, double> seconds;
   };
 
-  CellNode(ros::NodeHandle nh, CellNodeConfig config, std::vector<double> joint_positions,
-           int num_joints);
+  struct Setup {
+    CellNodeConfig config;
+    PhaseConfig phase;
+    DiagnosisConfig diagnosis;
+    std::vector<double> joint_positions;  ///< flat list of stops; empty: equal steps of a turn
+    int num_joints = 1;
+  };
+  CellNode(ros::NodeHandle nh, Setup setup);
 
   void Execute(const ScanObjectGoal& goal);
   [[nodiscard]] Result<Run> Scan(const ScanObjectGoal& goal);
@@ -91,7 +100,7 @@ class CellNode {
   /// Waits until at most num_in_flight views are not yet in the model; sends lost ones again.
   [[nodiscard]] Status WaitForModel(Run& run, std::size_t num_in_flight);
   [[nodiscard]] Status Resend(Run& run, const std::vector<int>& view_ids);
-  [[nodiscard]] Status SendFromDisk(const Run& run, int view_id);
+  [[nodiscard]] Status SendFromDisk(Run& run, int view_id);
   /// @return error naming a node that the scan cannot do without and that has gone.
   [[nodiscard]] Status CheckNodes();
   [[nodiscard]] Result<OptimizeViews::Response> Register(Run& run);
@@ -102,9 +111,8 @@ class CellNode {
   void Feedback(const Run& run, const std::string& state, double progress);
   [[nodiscard]] bool Cancelled();
 
-  CellNodeConfig config_;
-  std::vector<double> joint_positions_;  ///< flat list of stops; empty: equal steps of a turn
-  int num_joints_ = 1;
+  Setup setup_;
+  const CellNodeConfig& config_;
   ros::NodeHandle nh_;
   ViewTracker tracker_;
   ros::Publisher frame_publisher_;

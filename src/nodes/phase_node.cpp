@@ -10,6 +10,8 @@
 #include <thread>
 #include <utility>
 
+#include "fringe_fusion/diagnosis/sensor_noise.hpp"
+#include "fringe_fusion/inspection/mask_picture.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
@@ -48,11 +50,14 @@ Result<std::unique_ptr<PhaseNode>> PhaseNode::Create(ros::NodeHandle nh,
   if (!node) return Forward(node);
   const auto phase = ros_io::LoadConfig<PhaseConfig>(ros::NodeHandle(private_nh, "phase"));
   if (!phase) return Forward(phase);
+  const auto diagnosis =
+      ros_io::LoadConfig<DiagnosisConfig>(ros::NodeHandle(private_nh, "diagnosis"));
+  if (!diagnosis) return Forward(diagnosis);
   const auto triangulation =
       ros_io::LoadConfig<TriangulationConfig>(ros::NodeHandle(private_nh, "triangulation"));
   if (!triangulation) return Forward(triangulation);
   return std::unique_ptr<PhaseNode>(
-      new PhaseNode(std::move(nh), Configs{*node, *phase, *triangulation}));
+      new PhaseNode(std::move(nh), Configs{*node, *phase, *diagnosis, *triangulation}));
 }
 
 PhaseNode::PhaseNode(ros::NodeHandle nh, const Configs& configs)
@@ -68,6 +73,10 @@ PhaseNode::PhaseNode(ros::NodeHandle nh, const Configs& configs)
   snr_publisher_ = images_.advertiseCamera("snr/image", 2);
   error_publisher_ = images_.advertiseCamera("error_depth/image", 2);
   color_publisher_ = images_.advertiseCamera("color/image_color", 2);
+  mask_publisher_ = images_.advertiseCamera("mask/image", 2);
+  mask_color_publisher_ = images_.advertiseCamera("mask/image_color", 2);
+  legend_publisher_ = nh_.advertise<sensor_msgs::Image>("mask/legend", 1, /*latch=*/true);
+  legend_publisher_.publish(ros_io::ToMessage(MaskLegend(), std_msgs::Header()));
   const auto keep = [this](sensor_msgs::CameraInfo::ConstPtr& member) {
     return [this, &member](const sensor_msgs::CameraInfo::ConstPtr& info) {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -119,13 +128,16 @@ void PhaseNode::Process(const ImageStack& stack, const std::string& camera_frame
 Result<int> PhaseNode::Reconstruct(const ImageStack& stack, const std::string& camera_frame) {
   const Result<CellCalibration> calibration = Calibration(camera_frame);
   if (!calibration) return Forward(calibration);
-  Result<PhaseMap> phase = DecodePhase(stack, configs_.phase, NoProgress, std::move(last_phase_));
+  const Result<PhaseConfig> config = WithSensorNoise(configs_.phase, stack, configs_.diagnosis);
+  if (!config) return Forward(config);
+  Result<PhaseMap> phase = DecodePhase(stack, *config, NoProgress, std::move(last_phase_));
   if (!phase) return Forward(phase);
   last_phase_ = std::move(*phase);
   PublishCodes(last_phase_, *calibration, stack, camera_frame);
   Result<TriangulationResult> triangulated =
       Triangulate(last_phase_, *calibration, configs_.triangulation);
   if (!triangulated) return Forward(triangulated);
+  PublishMask(triangulated->mask, stack, camera_frame);
   const int num_points = CountValid(triangulated->range);
   if (num_points == 0) {
     return Fail("0 of {} pixels carry a point: check light, exposure and focus",
@@ -139,7 +151,7 @@ Result<int> PhaseNode::Reconstruct(const ImageStack& stack, const std::string& c
   context.calibration_id = CalibrationId(*calibration);
   context.camera_frame = camera_frame;
   range_view_publisher_.publish(ros_io::ToMessage(view, context));
-  PublishPictures(last_phase_, view.range, camera_frame);
+  PublishPictures(last_phase_, view.range, *config, camera_frame);
   return num_points;
 }
 
@@ -196,25 +208,40 @@ void PhaseNode::PublishCodes(const PhaseMap& phase, const CellCalibration& calib
       boost::make_shared<const DecodedView>(ros_io::ToMessage(phase, codes)));
 }
 
-void PhaseNode::PublishPictures(const PhaseMap& phase, const RangeImage& range,
-                                const std::string& camera_frame) {
+template <typename Make>
+void PhaseNode::PublishImage(const image_transport::CameraPublisher& publisher,
+                             const std_msgs::Header& header, const Make& make) {
+  if (publisher.getNumSubscribers() == 0) return;
   sensor_msgs::CameraInfo info;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     info = *camera_info_;
   }
+  info.header = header;
+  publisher.publish(ros_io::ToMessage(make(), header), info);
+}
+
+void PhaseNode::PublishMask(const Image<std::uint8_t>& mask, const ImageStack& stack,
+                            const std::string& camera_frame) {
+  std_msgs::Header header;
+  header.stamp = ros_io::ToRosTime(stack.frames.front().stamp_ns);
+  header.frame_id = camera_frame;
+  PublishImage(mask_publisher_, header, [&] { return mask; });
+  PublishImage(mask_color_publisher_, header, [&] { return RenderMask(mask); });
+}
+
+void PhaseNode::PublishPictures(const PhaseMap& phase, const RangeImage& range,
+                                const PhaseConfig& config, const std::string& camera_frame) {
   std_msgs::Header header;
   header.stamp = ros_io::ToRosTime(range.first_stamp_ns);
   header.frame_id = camera_frame;
-  info.header = header;
   const auto publish = [&](const image_transport::CameraPublisher& publisher, const auto& make) {
-    if (publisher.getNumSubscribers() == 0) return;
-    publisher.publish(ros_io::ToMessage(make(), header), info);
+    PublishImage(publisher, header, make);
   };
   if (!phase.u.empty()) publish(phase_u_publisher_, [&] { return phase.u; });
   if (!phase.v.empty()) publish(phase_v_publisher_, [&] { return phase.v; });
   publish(depth_publisher_, [&] { return Depth(range); });
-  publish(snr_publisher_, [&] { return SignalToNoise(phase, configs_.phase); });
+  publish(snr_publisher_, [&] { return SignalToNoise(phase, config); });
   publish(error_publisher_, [&] { return range.sigma_range; });
   publish(color_publisher_, [&] { return range.color; });
   if (points_publisher_.getNumSubscribers() > 0) {

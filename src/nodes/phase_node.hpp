@@ -13,13 +13,14 @@
 
 #include "fringe_fusion/calibration/cell_calibration.hpp"
 #include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/diagnosis/diagnosis_config.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
 #include "nodes/stack_assembler.hpp"
 
 namespace fringe_fusion::nodes {
 
-/// Parameters of phase_node beside the stages `phase` and `triangulation`.
+/// Parameters of phase_node beside the stages `phase`, `diagnosis` and `triangulation`.
 struct PhaseNodeConfig {
   std::string projector_frame = "projector_optical_frame";
   int frame_queue_size = 200;          ///< Frames kept while a view is being decoded
@@ -43,6 +44,7 @@ class PhaseNode {
   struct Configs {
     PhaseNodeConfig node;
     PhaseConfig phase;
+    DiagnosisConfig diagnosis;  ///< whether and how sensor noise is estimated
     TriangulationConfig triangulation;
   };
   PhaseNode(ros::NodeHandle nh, const Configs& configs);
@@ -56,7 +58,14 @@ class PhaseNode {
   /// The codes for pose_node, where someone listens.
   void PublishCodes(const PhaseMap& phase, const CellCalibration& calibration,
                     const ImageStack& stack, const std::string& camera_frame);
-  void PublishPictures(const PhaseMap& phase, const RangeImage& range,
+  /// @param make gives the picture; not called where nobody listens.
+  template <typename Make>
+  void PublishImage(const image_transport::CameraPublisher& publisher,
+                    const std_msgs::Header& header, const Make& make);
+  /// Reasons as numbers and in colours; also for a view without any point.
+  void PublishMask(const Image<std::uint8_t>& mask, const ImageStack& stack,
+                   const std::string& camera_frame);
+  void PublishPictures(const PhaseMap& phase, const RangeImage& range, const PhaseConfig& config,
                        const std::string& camera_frame);
 
   Configs configs_;
@@ -83,6 +92,9 @@ class PhaseNode {
   image_transport::CameraPublisher snr_publisher_;
   image_transport::CameraPublisher error_publisher_;
   image_transport::CameraPublisher color_publisher_;
+  image_transport::CameraPublisher mask_publisher_;
+  image_transport::CameraPublisher mask_color_publisher_;
+  ros::Publisher legend_publisher_;
   ros::Subscriber camera_info_subscriber_;
   ros::Subscriber projector_info_subscriber_;
   ros::Subscriber frame_subscriber_;  ///< last: the rest must stand before the first Frame

@@ -4,6 +4,7 @@
 
 #include <utility>
 
+#include "fringe_fusion/io/response_yaml.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
@@ -15,7 +16,24 @@
 namespace fringe_fusion::nodes {
 namespace {
 
+/// What the parameters say is undone in the pictures.
+Result<PatternCorrection> LoadCorrection(const ProjectorNodeConfig& config,
+                                         const ros::NodeHandle& private_nh) {
+  PatternCorrection correction;
+  correction.gamma = config.gamma;
+  if (config.response_file.empty()) return correction;
+  if (config.gamma != 1.0) {
+    return Fail("parameter {} is {}, must be 1 where {} is given", private_nh.resolveName("gamma"),
+                config.gamma, private_nh.resolveName("response_file"));
+  }
+  auto response = ReadResponse(config.response_file);
+  if (!response) return Forward(response);
+  correction.response = std::move(*response);
+  return correction;
+}
+
 Result<std::unique_ptr<Projector>> MakeProjector(const ProjectorNodeConfig& config,
+                                                 const PatternCorrection& correction,
                                                  const CameraModel& model,
                                                  const ros::NodeHandle& nh,
                                                  const ros::NodeHandle& private_nh) {
@@ -30,7 +48,7 @@ Result<std::unique_ptr<Projector>> MakeProjector(const ProjectorNodeConfig& conf
   if (config.backend == "replay") {
     const auto replay = ros_io::LoadConfig<ReplayProjectorConfig>(backend_nh);
     if (!replay) return Forward(replay);
-    return std::make_unique<ReplayProjector>(*replay, model, config.gamma);
+    return std::make_unique<ReplayProjector>(*replay, model, correction);
   }
   return Fail("parameter {} is '{}', must be sim or replay", private_nh.resolveName("backend"),
               config.backend);
@@ -45,7 +63,9 @@ Result<std::unique_ptr<ProjectorNode>> ProjectorNode::Create(const ros::NodeHand
   const Result<CellCalibration> calibration = ReadCellCalibration(config->calibration_file);
   if (!calibration) return Forward(calibration);
   const CameraModel& model = calibration->projector;
-  auto made = MakeProjector(*config, model, nh, private_nh);
+  Result<PatternCorrection> correction = LoadCorrection(*config, private_nh);
+  if (!correction) return Forward(correction);
+  auto made = MakeProjector(*config, *correction, model, nh, private_nh);
   if (!made) return Forward(made);
   std::unique_ptr<Projector> projector = std::move(*made);
   // A recording knows its projector once it is there, and is checked picture by picture.
@@ -54,14 +74,15 @@ Result<std::unique_ptr<ProjectorNode>> ProjectorNode::Create(const ros::NodeHand
     return Fail("{}: {} was calibrated with the projector of serial '{}'", projector->Id(),
                 config->calibration_file, calibration->projector_serial);
   }
-  return std::unique_ptr<ProjectorNode>(
-      new ProjectorNode(nh, private_nh, *config, model, std::move(projector)));
+  return std::unique_ptr<ProjectorNode>(new ProjectorNode(
+      nh, private_nh, *config, std::move(*correction), model, std::move(projector)));
 }
 
 ProjectorNode::ProjectorNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                             ProjectorNodeConfig config, const CameraModel& model,
-                             std::unique_ptr<Projector> projector)
+                             ProjectorNodeConfig config, PatternCorrection correction,
+                             const CameraModel& model, std::unique_ptr<Projector> projector)
     : config_(std::move(config)),
+      correction_(std::move(correction)),
       projector_(std::move(projector)),
       diagnostics_(nh, private_nh, ros::this_node::getName()) {
   ros::NodeHandle handle = nh;
@@ -109,7 +130,8 @@ Status ProjectorNode::Load(const PatternList& message) {
   }
   pictures_.reserve(sequence->frames.size());
   for (const Pattern& pattern : sequence->frames) {
-    pictures_.push_back(RenderPattern(pattern, sequence->width, sequence->height, config_.gamma));
+    pictures_.push_back(
+        RenderCorrectedPattern(pattern, sequence->width, sequence->height, correction_));
   }
   loaded_ = message;
   return {};

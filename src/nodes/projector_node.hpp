@@ -15,6 +15,7 @@
 #include "fringe_fusion/capture/devices.hpp"
 #include "fringe_fusion/common/image.hpp"
 #include "fringe_fusion/common/result.hpp"
+#include "fringe_fusion/diagnosis/response.hpp"
 
 namespace fringe_fusion::nodes {
 
@@ -23,6 +24,7 @@ struct ProjectorNodeConfig {
   std::string frame_id = "projector_optical_frame";
   std::string calibration_file;  ///< path of cell.yaml
   double gamma = 1.0;            ///< of the projector, undone in the pictures; 1: off
+  std::string response_file;     ///< response.yaml, undone instead of gamma; "": none
   double settle_s = 0.0;         ///< from the end of Show until the light is stable
   double timeout_s = 5.0;        ///< of one picture
 
@@ -32,6 +34,7 @@ struct ProjectorNodeConfig {
     field("frame_id", frame_id);
     field("calibration_file", calibration_file);
     field("gamma", gamma, 0.2, 5.0);
+    field("response_file", response_file);
     field("settle_s", settle_s, 0.0, 10.0);
     field("timeout_s", timeout_s, 0.01, 600.0);
   }
@@ -46,7 +49,7 @@ class ProjectorNode {
 
  private:
   ProjectorNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                ProjectorNodeConfig config, const CameraModel& model,
+                ProjectorNodeConfig config, PatternCorrection correction, const CameraModel& model,
                 std::unique_ptr<Projector> projector);
 
   bool OnLoadSequence(LoadSequence::Request& request, LoadSequence::Response& response);
@@ -56,6 +59,7 @@ class ProjectorNode {
   void Diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   ProjectorNodeConfig config_;
+  PatternCorrection correction_;
 
   std::mutex projector_mutex_;  // One picture at a time; guards pictures_.
   std::unique_ptr<Projector> projector_;

@@ -43,6 +43,28 @@ std::string Quoted(const std::string& text) {
   return quoted + '"';
 }
 
+std::string FindingsText(const ScanFigures::View& view) {
+  std::string text;
+  for (const ScanFigures::Finding& finding : view.findings) {
+    text += fmt::format("{}{{\"name\": {}, \"evidence\": {}, \"advice\": {}}}",
+                        text.empty() ? "" : ", ", Quoted(finding.name), Quoted(finding.evidence),
+                        Quoted(finding.advice));
+  }
+  return text;
+}
+
+Report::Table CaptureTable(const ScanFigures& figures) {
+  Report::Table table{"Capture", {"view", "finding", "evidence", "what to do"}, {}};
+  for (const ScanFigures::View& view : figures.views) {
+    const std::string name = fmt::format("{:03}", view.id);
+    for (const ScanFigures::Finding& finding : view.findings) {
+      table.rows.push_back({name, finding.name, finding.evidence, finding.advice});
+    }
+    if (view.findings.empty()) table.rows.push_back({name, "none", "", ""});
+  }
+  return table;
+}
+
 std::string Millimetres(double metres) { return fmt::format("{:.4f}", 1e3 * metres); }
 
 }  // namespace
@@ -103,9 +125,9 @@ Status WriteFigures(const ScanFigures& figures, const std::string& path) {
     const ScanFigures::View& view = figures.views[i];
     text += fmt::format(
         "    {{\"id\": {}, \"num_points\": {}, \"num_dropped\": {}, \"overlap_ratio\": {}, "
-        "\"rms_m\": {}, \"connected\": {}}}{}\n",
+        "\"rms_m\": {}, \"connected\": {}, \"findings\": [{}]}}{}\n",
         view.id, view.num_points, view.num_dropped, view.overlap_ratio, view.rms_m, view.connected,
-        i + 1 < figures.views.size() ? "," : "");
+        FindingsText(view), i + 1 < figures.views.size() ? "," : "");
   }
   text += "  ],\n  \"seconds\": {";
   for (std::size_t i = 0; i < figures.seconds.size(); ++i) {
@@ -145,6 +167,7 @@ Status WriteScanReport(const ScanFigures& figures, const std::string& folder) {
                           view.connected ? Millimetres(view.rms_m) : "no overlap, prior kept"});
   }
   report.tables.push_back(views);
+  report.tables.push_back(CaptureTable(figures));
   Report::Table seconds{"Time", {"stage", "s"}, {}};
   for (const auto& [stage, value] : figures.seconds) {
     seconds.rows.push_back({stage, fmt::format("{:.2f}", value)});

@@ -30,6 +30,12 @@ struct ScanJob {
 
 /// The figures of one finished scan.
 struct ScanFigures {
+  /// One thing that was wrong with the capture of a view.
+  struct Finding {
+    std::string name;
+    std::string evidence;
+    std::string advice;
+  };
   struct View {
     int id = 0;
     int num_points = 0;
@@ -37,6 +43,7 @@ struct ScanFigures {
     double overlap_ratio = 0.0;
     double rms_m = 0.0;
     bool connected = false;
+    std::vector<Finding> findings;
   };
   ScanJob job;
   std::vector<View> views;

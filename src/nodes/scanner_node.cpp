@@ -1,28 +1,29 @@
 #include "nodes/scanner_node.hpp"
 
-#include <fringe_fusion/Capture.h>
 #include <fringe_fusion/Frame.h>
-#include <fringe_fusion/LoadSequence.h>
-#include <fringe_fusion/ShowPattern.h>
 #include <ros/console.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
-#include "fringe_fusion/ros_io/pattern_messages.hpp"
-#include "fringe_fusion/ros_io/service_call.hpp"
+#include "fringe_fusion/ros_io/suggestion_messages.hpp"
 #include "fringe_fusion/ros_io/tf_lookup.hpp"
 #include "nodes/calibrated_frames.hpp"
 
 namespace fringe_fusion::nodes {
+namespace {
+constexpr std::uint32_t kMaxBudgetFrames = 100000;
+}  // namespace
 
 Result<std::unique_ptr<ScannerNode>> ScannerNode::Create(ros::NodeHandle nh,
                                                          ros::NodeHandle private_nh) {
   Result<Setup> setup = LoadSetup(private_nh);
   if (!setup) return Forward(setup);
-  return std::unique_ptr<ScannerNode>(new ScannerNode(std::move(nh), std::move(*setup)));
+  return std::unique_ptr<ScannerNode>(
+      new ScannerNode(std::move(nh), private_nh, std::move(*setup)));
 }
 
 Result<ScannerNode::Setup> ScannerNode::LoadSetup(const ros::NodeHandle& private_nh) {
@@ -37,6 +38,17 @@ Result<ScannerNode::Setup> ScannerNode::LoadSetup(const ros::NodeHandle& private
   const auto motion = ros_io::LoadConfig<MotionWatchConfig>(ros::NodeHandle(private_nh, "motion"));
   if (!motion) return Forward(motion);
   setup.motion = *motion;
+  const auto phase = ros_io::LoadConfig<PhaseConfig>(ros::NodeHandle(private_nh, "phase"));
+  if (!phase) return Forward(phase);
+  setup.phase = *phase;
+  const auto diagnosis =
+      ros_io::LoadConfig<DiagnosisConfig>(ros::NodeHandle(private_nh, "diagnosis"));
+  if (!diagnosis) return Forward(diagnosis);
+  setup.diagnosis = *diagnosis;
+  const auto assistant =
+      ros_io::LoadConfig<CaptureAssistantConfig>(ros::NodeHandle(private_nh, "capture_assistant"));
+  if (!assistant) return Forward(assistant);
+  setup.assistant = *assistant;
   const auto pattern = ros_io::LoadConfig<PatternConfig>(ros::NodeHandle(private_nh, "pattern"));
   if (!pattern) return Forward(pattern);
   const Result<CellCalibration> calibration = ReadCellCalibration(config->calibration_file);
@@ -55,18 +67,23 @@ Result<ScannerNode::Setup> ScannerNode::LoadSetup(const ros::NodeHandle& private
   return setup;
 }
 
-ScannerNode::ScannerNode(ros::NodeHandle nh, Setup setup)
+ScannerNode::ScannerNode(ros::NodeHandle nh, const ros::NodeHandle& private_nh, Setup setup)
     : setup_(std::move(setup)),
       nh_(std::move(nh)),
       tf_buffer_(ros::Duration(setup_.config.tf_cache_s)),
       tf_listener_(tf_buffer_, nh_),
       motion_(nh_, setup_.motion),
+      capture_(nh_, setup_.config, setup_.calibration),
+      watch_(nh_, private_nh, {setup_.phase, setup_.diagnosis}),
       server_(
           nh_, "scan_view", [this](const ScanViewGoalConstPtr& goal) { Execute(*goal); },
           /*auto_start=*/false) {
   frame_publisher_ =
       nh_.advertise<Frame>("frames", static_cast<std::uint32_t>(2 * setup_.sequence.frames.size()));
   static_broadcaster_.sendTransform(setup_.edges);
+  ros::NodeHandle private_handle = private_nh;
+  suggest_ =
+      private_handle.advertiseService("suggest_settings", &ScannerNode::OnSuggestSettings, this);
   server_.start();
 }
 
@@ -99,6 +116,8 @@ void ScannerNode::Execute(const ScanViewGoal& goal) {
     const Status written = WriteView(*stack, goal.scan_folder, *joints);
     if (!written) return abort(written.error().message);
   }
+  Feedback(stack->frames.size(), "examining the frames");
+  result.findings = watch_.Examine(*stack, setup_.calibration);
   result.success = 1;
   result.num_frames = static_cast<std::uint32_t>(stack->frames.size());
   result.first_stamp = ros_io::ToRosTime(stack->frames.front().stamp_ns);
@@ -107,100 +126,59 @@ void ScannerNode::Execute(const ScanViewGoal& goal) {
 }
 
 Result<ImageStack> ScannerNode::CaptureView(const ScanViewGoal& goal) {
-  if (Status status = LoadSequence(); !status) return tl::unexpected<Error>(status.error());
-  ImageStack stack;
-  stack.scan_id = goal.scan_id;
-  stack.view_id = static_cast<int>(goal.view_id);
-  stack.camera_id = setup_.calibration.camera_serial;
-  stack.sequence = setup_.sequence;
-  std::int64_t previous_ns = 0;
-  for (std::size_t i = 0; i < stack.sequence.frames.size(); ++i) {
-    if (Cancelled()) return Fail("{}", kCancelled);
-    Result<CapturedFrame> frame = CaptureFrame(goal, i, previous_ns);
-    if (!frame) return Forward(frame);
-    previous_ns = frame->stamp_ns;
-    stack.frames.push_back(std::move(*frame));
-    frame_publisher_.publish(ros_io::ToMessage(stack, i, setup_.config.camera_frame));
-    Feedback(i + 1, "capturing");
-  }
-  if (Status status = Validate(stack, fmt::format("view {}", goal.view_id)); !status) {
-    return tl::unexpected<Error>(status.error());
-  }
-  return stack;
+  const std::unique_lock<std::mutex> devices(devices_mutex_, std::try_to_lock);
+  if (!devices.owns_lock()) return Fail("the scanner is busy with test exposures");
+  const PatternCapture::Request request{goal.scan_id, static_cast<int>(goal.view_id),
+                                        setup_.sequence};
+  return capture_.CaptureSequence(
+      request,
+      [this](const ImageStack& stack) {
+        const std::size_t count = stack.frames.size();
+        frame_publisher_.publish(ros_io::ToMessage(stack, count - 1, setup_.config.camera_frame));
+        Feedback(count, "capturing");
+      },
+      [this] { return Cancelled(); });
 }
 
-Status ScannerNode::LoadSequence() {
-  fringe_fusion::LoadSequence::Request request;
-  request.sequence = ros_io::ToMessage(setup_.sequence);
-  const auto loaded = ros_io::CallService<fringe_fusion::LoadSequence>(
-      nh_, setup_.config.projector_node + "/load_sequence", request,
-      setup_.config.service_timeout_s);
-  if (!loaded) return tl::unexpected<Error>(loaded.error());
-  return {};
+bool ScannerNode::OnSuggestSettings(SuggestSettings::Request& request,
+                                    SuggestSettings::Response& response) {
+  const Result<CaptureProposal> proposal = Suggest(request);
+  if (!proposal) {
+    response.success = 0;
+    response.message = proposal.error().message;
+    ROS_ERROR("no settings suggested: %s", response.message.c_str());
+    return true;
+  }
+  response = ros_io::ToMessage(*proposal);
+  ROS_INFO("suggested: %s", response.message.c_str());
+  return true;
 }
 
-Result<CapturedFrame> ScannerNode::CaptureFrame(const ScanViewGoal& goal, std::size_t index,
-                                                std::int64_t previous_ns) {
-  Result<CapturedFrame> frame = TryFrame(goal, index, previous_ns);
-  for (int retry = 1; !frame && retry <= setup_.config.max_retries && !Cancelled(); ++retry) {
-    ROS_WARN_THROTTLE(5.0, "frame %zu, attempt %d of %d: %s", index, retry,
-                      setup_.config.max_retries + 1, frame.error().message.c_str());
-    frame = TryFrame(goal, index, previous_ns);
-  }
-  if (Cancelled()) return Fail("{}", kCancelled);
-  if (!frame) {
-    return Fail("frame {} of {} failed {} times: {}", index, setup_.sequence.frames.size(),
-                setup_.config.max_retries + 1, frame.error().message);
-  }
-  return frame;
-}
-
-Result<CapturedFrame> ScannerNode::TryFrame(const ScanViewGoal& goal, std::size_t index,
-                                            std::int64_t previous_ns) {
-  ShowPattern::Request show;
-  show.index = static_cast<std::uint32_t>(index);
-  const auto shown = ros_io::CallService<ShowPattern>(
-      nh_, setup_.config.projector_node + "/show_pattern", show, setup_.config.show_timeout_s);
-  if (!shown) return Forward(shown);
-  const std::int64_t shown_ns = ros_io::FromRosTime(ros::Time::now());
-  Capture::Request capture;
-  capture.exposure = setup_.config.exposure_s * setup_.sequence.frames[index].exposure_ratio;
-  capture.gain = setup_.config.gain;
-  capture.timeout = ros::Duration(setup_.config.capture_timeout_s);
-  capture.view_id = goal.view_id;
-  capture.frame_index = static_cast<std::uint32_t>(index);
-  const auto captured = ros_io::CallService<Capture>(
-      nh_, setup_.config.camera_node + "/capture", capture,
-      setup_.config.capture_timeout_s + setup_.config.service_timeout_s);
-  if (!captured) return Forward(captured);
-  ros_io::ExposureInfo exposure;
-  exposure.bit_depth = captured->bit_depth <= 16 ? static_cast<int>(captured->bit_depth) : 0;
-  exposure.exposure_s = captured->exposure;
-  exposure.gain = captured->gain;
-  Result<CapturedFrame> frame = ros_io::FromMessage(captured->image, exposure);
-  if (!frame) return frame;
-  if (Status status = CheckFrame(*frame, shown_ns, previous_ns); !status) {
-    return tl::unexpected<Error>(status.error());
-  }
-  return frame;
-}
-
-Status ScannerNode::CheckFrame(const CapturedFrame& frame, std::int64_t earliest_ns,
-                               std::int64_t previous_ns) const {
-  const CameraModel& camera = setup_.calibration.camera;
-  if (Width(frame) != camera.width || Height(frame) != camera.height) {
-    return Fail("the camera's image of {} x {} px must be {} x {} px as calibrated", Width(frame),
-                Height(frame), camera.width, camera.height);
-  }
-  if (frame.stamp_ns <= previous_ns) {
-    return Fail("the frame's stamp is not later than that of the frame before: a repeated frame");
-  }
-  const double early_s = 1e-9 * static_cast<double>(earliest_ns - frame.stamp_ns);
-  if (early_s > setup_.config.stamp_tolerance_s) {
-    return Fail("the frame was exposed {:.6f} s before its pattern was shown (limit {:.6f} s)",
-                early_s, setup_.config.stamp_tolerance_s);
-  }
-  return {};
+Result<CaptureProposal> ScannerNode::Suggest(const SuggestSettings::Request& request) {
+  const std::unique_lock<std::mutex> devices(devices_mutex_, std::try_to_lock);
+  if (!devices.owns_lock()) return Fail("the scanner is busy with a view");
+  CaptureBudget budget;
+  budget.frames = static_cast<int>(std::min(request.frames, kMaxBudgetFrames));
+  budget.seconds = request.seconds;
+  CaptureAssistantConfig assistant = setup_.assistant;
+  if (request.max_exposure != 0.0) assistant.max_exposure_s = request.max_exposure;
+  Status status = Validate(budget);
+  if (status) status = CheckBounds(assistant, "max_exposure");
+  if (!status) return tl::unexpected<Error>(status.error());
+  const CameraModel& projector = setup_.calibration.projector;
+  const auto sequence =
+      MakeSequence(TestPattern(setup_.calibration), projector.width, projector.height);
+  if (!sequence) return Forward(sequence);
+  const Result<std::vector<double>> joints = motion_.WaitSettled();
+  if (!joints) return Forward(joints);
+  // The frames are for this question alone: they are not published.
+  const auto test = capture_.CaptureSequence(
+      {"test_exposures", 0, *sequence}, [](const ImageStack& /*stack*/) {},
+      [this] { return stopping_ || !ros::ok(); });
+  if (!test) return Forward(test);
+  const auto scene = MeasureCaptureScene(*test, setup_.calibration, setup_.phase, assistant);
+  if (!scene) return Forward(scene);
+  return ProposeCapture(*scene, setup_.phase, assistant, budget);
 }
 
 Status ScannerNode::WriteView(const ImageStack& stack, const std::string& folder,

@@ -47,6 +47,10 @@ Result<Image<float>> FloatImageFromMessage(const sensor_msgs::Image& message,
   return image;
 }
 
+sensor_msgs::Image ToMessage(const Image<std::uint8_t>& image, const std_msgs::Header& header) {
+  return CopyImage(image, header, sensor_msgs::image_encodings::MONO8);
+}
+
 sensor_msgs::Image ToMessage(const Image<Rgb8>& image, const std_msgs::Header& header) {
   static_assert(sizeof(Rgb8) == 3, "rgb8 is three bytes");
   return CopyImage(image, header, sensor_msgs::image_encodings::RGB8);

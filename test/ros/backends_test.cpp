@@ -177,7 +177,7 @@ TEST_F(ReplayTest, CameraStampsByTheClockUnlessAsked) {
 
 TEST_F(ReplayTest, ProjectorRefusesWhatWasNotShown) {
   const CameraModel model = sim::DefaultCalibration().projector;
-  ReplayProjector projector({folder_.string()}, model, 2.2);
+  ReplayProjector projector({folder_.string()}, model, PatternCorrection{2.2, {}});
   const PatternSequence recorded = Sequence("1");
   const auto show = [&](const PatternSequence& sequence, std::size_t index) {
     return projector.Show(

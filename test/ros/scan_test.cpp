@@ -93,6 +93,17 @@ TEST_F(Scan, LeavesPosesAndFigures) {
             std::string::npos);
 }
 
+TEST_F(Scan, ReportsTheCaptureOfEveryView) {
+  for (const CaptureFinding& finding : result_.findings) {
+    ADD_FAILURE() << "view " << finding.view_id << ": " << finding.name << ": " << finding.evidence;
+  }
+  const Result<std::string> report = ReadFile(*folder_ / "report.html");
+  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_NE(report->find("<h2>Capture</h2>"), std::string::npos);
+  EXPECT_NE(report->find(fmt::format("<td>{:03}</td><td>none</td>", kNumViews - 1)),
+            std::string::npos);
+}
+
 TEST_F(Scan, ReplayOfTheBagGivesTheSameBytes) {
   // The delay: the player waits for one subscriber of tf, but two nodes need it from the start.
   test::Process player({"rosrun", "rosbag", "play", "-q", "--prefix=/replay", "--delay=3",

@@ -4,6 +4,7 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <std_msgs/Header.h>
 
+#include <cstdint>
 #include <string>
 
 #include "fringe_fusion/common/image.hpp"
@@ -20,6 +21,9 @@ namespace fringe_fusion::ros_io {
 /// @return error for another encoding or byte order, or sizes that do not fit the data.
 [[nodiscard]] Result<Image<float>> FloatImageFromMessage(const sensor_msgs::Image& message,
                                                          const std::string& owner);
+/// mono8.
+[[nodiscard]] sensor_msgs::Image ToMessage(const Image<std::uint8_t>& image,
+                                           const std_msgs::Header& header);
 /// rgb8.
 [[nodiscard]] sensor_msgs::Image ToMessage(const Image<Rgb8>& image,
                                            const std_msgs::Header& header);

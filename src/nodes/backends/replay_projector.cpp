@@ -8,11 +8,11 @@
 namespace fringe_fusion::nodes {
 
 ReplayProjector::ReplayProjector(ReplayProjectorConfig config, const CameraModel& projector,
-                                 double gamma)
+                                 PatternCorrection correction)
     : config_(std::move(config)),
       width_(projector.width),
       height_(projector.height),
-      gamma_(gamma) {}
+      correction_(std::move(correction)) {}
 
 std::string ReplayProjector::Id() const {
   return fmt::format("replay of '{}' {}", config_.scan, serial_);
@@ -28,8 +28,8 @@ Status ReplayProjector::Show(const Image<std::uint8_t>& picture) {
   const std::size_t num_frames = sequence_->frames.size();
   for (std::size_t i = 0; i < num_frames; ++i) {
     const std::size_t index = (next_ + i) % num_frames;
-    const Image<std::uint8_t> recorded =
-        RenderPattern(sequence_->frames[index], sequence_->width, sequence_->height, gamma_);
+    const Image<std::uint8_t> recorded = RenderCorrectedPattern(
+        sequence_->frames[index], sequence_->width, sequence_->height, correction_);
     if (recorded.width() != picture.width() || recorded.height() != picture.height()) break;
     if (!std::equal(picture.begin(), picture.end(), recorded.begin())) continue;
     next_ = index + 1;

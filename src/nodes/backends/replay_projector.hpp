@@ -4,6 +4,7 @@
 #include <string>
 
 #include "fringe_fusion/capture/devices.hpp"
+#include "fringe_fusion/diagnosis/response.hpp"
 #include "fringe_fusion/geometry/camera_model.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
 
@@ -22,8 +23,9 @@ struct ReplayProjectorConfig {
 /// then: the recorded frames would be taken for what they are not.
 class ReplayProjector : public Projector {
  public:
-  /// @param projector whose size the pictures have. @param gamma undone in the pictures, 1: none.
-  ReplayProjector(ReplayProjectorConfig config, const CameraModel& projector, double gamma);
+  /// @param projector whose size the pictures have. @param correction undone in the pictures.
+  ReplayProjector(ReplayProjectorConfig config, const CameraModel& projector,
+                  PatternCorrection correction);
   [[nodiscard]] std::string Id() const override;
   [[nodiscard]] int Width() const override { return width_; }
   [[nodiscard]] int Height() const override { return height_; }
@@ -34,7 +36,7 @@ class ReplayProjector : public Projector {
   std::string serial_;
   int width_;
   int height_;
-  double gamma_;
+  PatternCorrection correction_;
   std::optional<PatternSequence> sequence_;  // Read when first asked, as the camera's frames are.
   std::size_t next_ = 0;                     // Where the search for a picture begins.
 };
