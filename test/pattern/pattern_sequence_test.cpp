@@ -6,6 +6,8 @@
 #include <functional>
 #include <limits>
 
+#include "fringe_fusion/pattern/pattern_light.hpp"
+
 namespace fringe_fusion {
 namespace {
 
@@ -265,6 +267,15 @@ TEST(RenderPattern, GrayCellAndOffsetShiftTheCode) {
   const Image<std::uint8_t> picture = RenderPattern(pattern, 6, 1, 1.0);
   const std::vector<int> expected = {0, 255, 255, 255, 255, 0};
   for (int x = 0; x < 6; ++x) EXPECT_EQ(picture(x, 0), expected[static_cast<std::size_t>(x)]) << x;
+}
+
+TEST(RenderPattern, LightIsWhatThePictureIsMadeOf) {
+  Pattern pattern = Phase(Axis::kV, 2.0, 1, 4);
+  const Image<float> light = PatternLight(pattern, 3, 40);
+  for (int y = 0; y < 40; ++y) {
+    const double expected = 0.5 + 0.5 * std::cos(2.0 * kPi * (2.0 * (y + 0.5) / 40.0 - 0.25));
+    EXPECT_NEAR(light(1, y), expected, 1e-6) << y;
+  }
 }
 
 }  // namespace
