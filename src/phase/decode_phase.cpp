@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <utility>
 
 #include "decode_with.hpp"
@@ -21,8 +22,7 @@ using decode::DecodePlan;
 using decode::RowDecoder;
 using decode::Unwrapping;
 
-constexpr int kRowsPerChunk = 16;
-constexpr int kRowsPerReport = 256;
+constexpr int kRowsPerReport = 8 * decode::EdgeMask::kRowsPerChunk;
 
 template <typename T>
 Image<T> Fit(Image<T> image, int width, int height) {
@@ -79,15 +79,19 @@ decode::MapRow RowOf(PhaseMap& map, int y, bool with_color) {
   return out;
 }
 
+// @param edges of the map, or null when they are masked later.
 Status DecodeRows(const ImageStack& stack, const DecodeContext& context, const Progress& progress,
-                  PhaseMap& map) {
+                  PhaseMap& map, decode::EdgeMask* edges) {
   for (int first = 0; first < map.height; first += kRowsPerReport) {
     if (!progress("decode", static_cast<double>(first) / map.height)) return Fail("{}", kCancelled);
     const int count = std::min(kRowsPerReport, map.height - first);
-    ParallelFor(count, kRowsPerChunk, [&](int begin, int end) {
+    ParallelFor(count, decode::EdgeMask::kRowsPerChunk, [&](int begin, int end) {
       RowDecoder decoder(stack, context);
+      std::optional<decode::EdgeMask::Chunk> chunk;
+      if (edges != nullptr) chunk.emplace(*edges, first + begin, first + end);
       for (int y = first + begin; y < first + end; ++y) {
         decoder.Run(y, RowOf(map, y, !stack.color.has_value()));
+        if (chunk) chunk->Add(y);
       }
     });
   }
@@ -115,16 +119,35 @@ PhaseMap RefineGrayCode(PhaseMap map, const DecodePlan& plan, const PhaseConfig&
   return map;
 }
 
-// The edge mask looks for jumps, so the jumps of the wrapped phase go first.
+bool IsRelative(const AxisPlan& axis) {
+  return axis.IsCoded() && axis.unwrapping == Unwrapping::kRelative;
+}
+
 void UnwrapRelative(const DecodePlan& plan, PhaseMap& map) {
   const auto unwrap = [](const AxisPlan& axis, Image<float>& coordinate) {
     const double period_px = axis.size_px / axis.sets.front().fringes;
     coordinate = decode::UnwrapOverImage(coordinate, period_px);
   };
-  map.relative_u = plan.u.IsCoded() && plan.u.unwrapping == Unwrapping::kRelative;
-  map.relative_v = plan.v.IsCoded() && plan.v.unwrapping == Unwrapping::kRelative;
+  map.relative_u = IsRelative(plan.u);
+  map.relative_v = IsRelative(plan.v);
   if (map.relative_u) unwrap(plan.u, map.u);
   if (map.relative_v) unwrap(plan.v, map.v);
+}
+
+// Edges are masked row by row, or at the end where the jumps of the wrapped phase have to go first.
+Status DecodeAndMask(const ImageStack& stack, const DecodeContext& context,
+                     const Progress& progress, PhaseMap& map) {
+  const DecodePlan& plan = context.plan;
+  if (IsRelative(plan.u) || IsRelative(plan.v)) {
+    if (Status status = DecodeRows(stack, context, progress, map, nullptr); !status) return status;
+    UnwrapRelative(plan, map);
+    map = decode::MaskEdges(std::move(map), context.config, context.kernels);
+    return {};
+  }
+  decode::EdgeMask edges(map, context.config, context.kernels);
+  if (Status status = DecodeRows(stack, context, progress, map, &edges); !status) return status;
+  edges.Finish();
+  return {};
 }
 
 }  // namespace
@@ -182,11 +205,9 @@ Result<PhaseMap> decode::DecodeWith(const Kernels& kernels, const ImageStack& st
   const auto full_scale_dn = static_cast<float>((1 << stack.frames.front().bit_depth) - 1);
   const DecodeContext context{*plan, config, kernels, decode::StretchWidth(map.width),
                               full_scale_dn};
-  if (Status status = DecodeRows(stack, context, progress, map); !status) {
+  if (Status status = DecodeAndMask(stack, context, progress, map); !status) {
     return tl::unexpected<Error>(status.error());
   }
-  UnwrapRelative(*plan, map);
-  map = decode::MaskEdges(std::move(map), config, kernels);
   map = RefineGrayCode(std::move(map), *plan, config);
   if (!progress("decode", 1.0)) return Fail("{}", kCancelled);
   return map;

@@ -16,6 +16,13 @@ FitLimits DecodeContext::limits() const {
   return limits;
 }
 
+const void* PixelsOf(const CapturedFrame& frame, int y, int begin) {
+  if (const auto* bytes = std::get_if<Image<std::uint8_t>>(&frame.pixels)) {
+    return bytes->row(y) + begin;
+  }
+  return std::get<Image<std::uint16_t>>(frame.pixels).row(y) + begin;
+}
+
 FrameRows::FrameRows(const ImageStack& stack, const DecodeContext& context)
     : stack_(stack), context_(context) {
   values_.resize(stack.frames.size() * context.stride());

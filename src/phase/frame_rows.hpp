@@ -40,6 +40,9 @@ struct DecodeContext {
   [[nodiscard]] FitLimits limits() const;
 };
 
+/// Grey values of row y from column `begin` on, bytes or words.
+[[nodiscard]] const void* PixelsOf(const CapturedFrame& frame, int y, int begin);
+
 /// A stretch of one image row of all frames of a stack as float, and what a pixel looks like lit
 /// and unlit. Borrows the stack. One object per thread: Load replaces the stretch.
 class FrameRows {

@@ -259,68 +259,25 @@ FRINGE_FUSION_INLINE void ToRgbBody(const float* __restrict grey, float full_sca
   }
 }
 
-FRINGE_FUSION_INLINE void RatioBody(const float* __restrict modulation,
-                                    const float* __restrict offset,
-                                    const std::uint8_t* __restrict mask, float* __restrict ratio,
-                                    int count) {
-  for (int x = 0; x < count; ++x) {
-    const float value = modulation[x] / Larger(offset[x], kTiny);
-    ratio[x] = mask[x] == 0 ? value : 0.0F;
+template <typename Lanes>
+FRINGE_FUSION_INLINE void BlankBody(const std::int32_t* light, const MapRow& given, int count) {
+  using F = typename Lanes::Float;
+  const MapRow out = given;  // of which the compiler knows that no store changes it
+  const F nan = All<F>(__builtin_nanf(""));
+  float* const rows[] = {out.u_px, out.v_px, out.sigma_u_px, out.sigma_v_px};
+  int x = 0;
+  for (; x + Lanes::kCount <= count; x += Lanes::kCount) {
+    const LaneAccess<Lanes, true> at{x, Lanes::kCount};
+    at.StoreBytes(at.Load(light), out.mask);
+    for (float* row : rows) {
+      if (row != nullptr) at.Store(nan, row);
+    }
   }
-}
-
-// A pixel is a spike where both neighbours along one direction differ by more than the step; a
-// missing one counts as different, two missing ones tell nothing. NaN compares false.
-FRINGE_FUSION_INLINE std::int32_t JumpsOnBothSides(float here, float before, float after,
-                                                   float step) {
-  const std::int32_t near_before = Magnitude(here - before) <= step ? 1 : 0;
-  const std::int32_t near_after = Magnitude(here - after) <= step ? 1 : 0;
-  const std::int32_t has_before = before == before ? 1 : 0;
-  const std::int32_t has_after = after == after ? 1 : 0;
-  return (has_before | has_after) & (1 - (near_before | near_after));
-}
-
-// B / A does not depend on the albedo: a texture edge stays and a blend of two phases falls.
-FRINGE_FUSION_INLINE void FindMixed(const EdgeArgs& args, int count) {
-  const float* __restrict r0 = args.ratio[0];
-  const float* __restrict r1 = args.ratio[1];
-  const float* __restrict r2 = args.ratio[2];
-  std::int32_t* __restrict found = args.found;
-#pragma GCC ivdep
-  for (int x = 1; x < count - 1; ++x) {
-    const float here = r1[x];
-    const float sum = r0[x - 1] + r0[x] + r0[x + 1] + r1[x - 1] + here + r1[x + 1] + r2[x - 1] +
-                      r2[x] + r2[x + 1];
-    const float above = (r0[x - 1] > 0.0F ? 1.0F : 0.0F) + (r0[x] > 0.0F ? 1.0F : 0.0F) +
-                        (r0[x + 1] > 0.0F ? 1.0F : 0.0F);
-    const float beside = (r1[x - 1] > 0.0F ? 1.0F : 0.0F) + (here > 0.0F ? 1.0F : 0.0F) +
-                         (r1[x + 1] > 0.0F ? 1.0F : 0.0F);
-    const float below = (r2[x - 1] > 0.0F ? 1.0F : 0.0F) + (r2[x] > 0.0F ? 1.0F : 0.0F) +
-                        (r2[x + 1] > 0.0F ? 1.0F : 0.0F);
-    found[x] = here * (above + beside + below) < args.least_ratio * sum ? 1 : 0;
-  }
-}
-
-FRINGE_FUSION_INLINE void FindSpikes(const float* const* rows, float step,
-                                     std::int32_t* __restrict found, int count) {
-  const float* __restrict above = rows[0];
-  const float* __restrict here = rows[1];
-  const float* __restrict below = rows[2];
-#pragma GCC ivdep
-  for (int x = 1; x < count - 1; ++x) {
-    found[x] |= JumpsOnBothSides(here[x], here[x - 1], here[x + 1], step) |
-                JumpsOnBothSides(here[x], above[x], below[x], step);
-  }
-}
-
-FRINGE_FUSION_INLINE void FindEdgesBody(const EdgeArgs& args, int count) {
-  FindMixed(args, count);
-  if (args.u[1] != nullptr) FindSpikes(args.u, args.max_step_px, args.found, count);
-  if (args.v[1] != nullptr) FindSpikes(args.v, args.max_step_px, args.found, count);
-  const float* __restrict ratio = args.ratio[1];
-  for (int x = 1; x < count - 1; ++x) {
-    const std::int32_t valid = ratio[x] > 0.0F ? 1 : 0;
-    args.edges[x] = static_cast<std::uint8_t>(args.found[x] & valid);
+  for (; x < count; ++x) {
+    out.mask[x] = static_cast<std::uint8_t>(light[x]);
+    for (float* row : rows) {
+      if (row != nullptr) row[x] = __builtin_nanf("");
+    }
   }
 }
 

@@ -147,7 +147,8 @@ FRINGE_FUSION_INLINE Fit<F> FitFour(const F (&i)[4], const RowNoise& noise,
   fit.cosine = a - a * e;
   fit.sine = b + b * e;
   fit.amplitude2 = 0.25F * norm;
-  fit.variance_rad2 = Larger(0.5F * noise4 - gained, All<F>(kTiny)) * (noise4 * inverse);
+  // B does not exceed A, so at most half of it is gained.
+  fit.variance_rad2 = Larger(0.5F * noise4 - gained, 0.25F * noise4) * (noise4 * inverse);
   fit.misfit = z4 * z4;
   fit.largest_misfit = limits.max_residual2 * noise4 + 4.0F * limits.harmonic2 * divisor;
   return fit;

@@ -20,6 +20,21 @@ std::int32_t RangeBytes(const RangeArgs& args, int count) {
 std::int32_t RangeWords(const RangeArgs& args, int count) {
   return RangeBody<Lanes, std::uint16_t>(args, count);
 }
+std::int32_t PeakBytes(const void* const* rows, int num_rows, int count) {
+  return PeakBody<Lanes, std::uint8_t>(rows, num_rows, count);
+}
+std::int32_t PeakWords(const void* const* rows, int num_rows, int count) {
+  return PeakBody<Lanes, std::uint16_t>(rows, num_rows, count);
+}
+void SubtractBytes(const SubtractArgs& args, int count) {
+  SubtractBody<Lanes, std::uint8_t>(args, count);
+}
+void SubtractWords(const SubtractArgs& args, int count) {
+  SubtractBody<Lanes, std::uint16_t>(args, count);
+}
+void Quick(const QuickArgs& args, int count) { QuickBody<Lanes>(args, count); }
+void MarkUnlitBytes(const UnlitArgs& args, int count) { MarkUnlitBody<std::uint8_t>(args, count); }
+void MarkUnlitWords(const UnlitArgs& args, int count) { MarkUnlitBody<std::uint16_t>(args, count); }
 void CheckLight(const LightArgs& args, int count) { CheckLightBody(args, count); }
 std::int32_t FitThreeSteps(const FitArgs& args, const FitOut& out, int count) {
   return FitThreeBody(args, out, count);
@@ -42,17 +57,17 @@ void Compose(const ComposeArgs& args, int count) { ComposeBody<Lanes>(args, coun
 void ToRgb(const float* grey, float full_scale, std::uint8_t* rgb, int count) {
   ToRgbBody(grey, full_scale, rgb, count);
 }
-void Ratio(const float* modulation, const float* offset, const std::uint8_t* mask, float* ratio,
-           int count) {
-  RatioBody(modulation, offset, mask, ratio, count);
+void Blank(const std::int32_t* light, const MapRow& out, int count) {
+  BlankBody<Lanes>(light, out, count);
 }
-void FindEdges(const EdgeArgs& args, int count) { FindEdgesBody(args, count); }
+void FindBends(const EdgeArgs& args, int count) { FindBendsBody<Lanes>(args, count); }
 
-constexpr Kernels kKernels{kName,        BytesToFloat, WordsToFloat, ExtendRange, ClimbBytes,
-                           ClimbWords,   RangeBytes,   RangeWords,   CheckLight,  FitThreeSteps,
-                           FitFourSteps, FitWeighted,  Raise,        NestOpen,    NestInterval,
-                           Nest,         JointCost,    Finish,       Compose,     ToRgb,
-                           Ratio,        FindEdges};
+constexpr Kernels kKernels{
+    kName,       BytesToFloat,   WordsToFloat,   ExtendRange,  ClimbBytes,    ClimbWords,
+    RangeBytes,  RangeWords,     PeakBytes,      PeakWords,    SubtractBytes, SubtractWords,
+    Quick,       MarkUnlitBytes, MarkUnlitWords, CheckLight,   FitThreeSteps, FitFourSteps,
+    FitWeighted, Raise,          NestOpen,       NestInterval, Nest,          JointCost,
+    Finish,      Compose,        ToRgb,          Blank,        FindBends};
 
 }  // namespace
 }  // namespace fringe_fusion::decode

@@ -151,15 +151,90 @@ struct ClimbArgs {
   float* amplitude2 = nullptr;
 };
 
-/// Three neighbouring rows of the phase map: before, here and after.
+constexpr int kQuickGroup = 8;  ///< pixels that the quick kernels find good or doubtful together
+constexpr int kQuickCoarseTerms = 4;  ///< of the angle's polynomial, error 8e-5 rad of the set
+constexpr int kQuickTerms = 5;        ///< for the finest set, error 1.2e-5 rad
+
+/// Four even steps of one set to differences of grey values, at most 13 bit: at least one vector.
+struct SubtractArgs {
+  const void* frames[4] = {nullptr, nullptr, nullptr, nullptr};
+  bool is_first = false;             ///< first set of the axis
+  std::int16_t* cosine = nullptr;    ///< I0 - I2
+  std::int16_t* sine = nullptr;      ///< I1 - I3
+  std::int16_t* largest = nullptr;   ///< greatest |I0 - I1 + I2 - I3| of all sets of the axis
+  std::int16_t* contrast = nullptr;  ///< I0 - I1 + I2 - I3, null unless it is the finest set
+  std::int16_t* sum = nullptr;       ///< of all four
+};
+
+/// Constants of one phase set, each in all lanes.
+struct alignas(32) QuickLevel {
+  float polynomial[kQuickTerms][kQuickGroup] = {};  ///< of atan / (2 pi) times the signed period
+  float quarter_px[kQuickGroup] = {};               ///< a quarter of the signed period
+  float eighth_px[kQuickGroup] = {};
+  float shift_px[kQuickGroup] = {};
+  float inverse_period[kQuickGroup] = {};  ///< [1/px]
+  float period_px[kQuickGroup] = {};
+  float weight[kQuickGroup] = {};  ///< square of its fringes over those of the finest
+};
+
+/// Conditions that suffice for a good pixel.
+struct QuickLimits {
+  float least_norm_per_noise = 0.0F;  ///< of 4 B^2 of any set, of 4 sigma_A^2
+  float least_norm = 0.0F;            ///< of 4 B^2 [DN^2]
+  float max_residual2 = 0.0F;         ///< as in FitLimits
+  float harmonic2 = 0.0F;
+  float max_deviation = 0.0F;                ///< of a set from the estimate before it [fringes]
+  float agreed_deviation2 = 0.0F;            ///< the same, squared: this in any case
+  float agreed_deviation2_per_noise = 0.0F;  ///< and this for every (4 sigma_A^2) / (4 B^2)
+  float margin_sigma = 0.0F;                 ///< least distance to the border
+};
+
+/// Nested sets of four even steps of one axis, coarsest first, to rows of the phase map. At least
+/// kQuickGroup pixels.
+struct QuickArgs {
+  /// Rows of SubtractArgs: cosine and sine of every set, then largest, contrast and sum.
+  const std::int16_t* differences = nullptr;
+  int stride = 0;
+  int num_sets = 0;
+  bool is_dark = false;  ///< only offset, modulation and picture are wanted
+  const QuickLevel* levels = nullptr;
+  RowNoise noise;
+  QuickLimits limits;
+  float variance_px2 = 0.0F;  ///< of a pixel with 4 sigma_A^2 = 4 B^2 in the finest set
+  float size_px = 0.0F;
+  float* coordinate_px = nullptr;
+  float* sigma_px = nullptr;
+  /// Rows 4 A and 4 B^2, written by the first axis and read by the second; null: one axis.
+  float* other_axis = nullptr;
+  float* offset = nullptr;  ///< null: the second axis writes it
+  float* modulation = nullptr;
+  std::uint8_t* rgb = nullptr;  ///< or null when nobody asks
+  float full_scale = 0.0F;
+  std::uint8_t* doubt = nullptr;  ///< [group] set where a pixel may be bad
+};
+
+/// Marks groups with too little light: white and black frame, bytes or words.
+struct UnlitArgs {
+  const void* white = nullptr;
+  const void* black = nullptr;
+  float least_dn = 0.0F;
+  std::uint8_t* doubt = nullptr;  ///< [group]
+};
+
+/// Three neighbouring rows of a coordinate: above, here and below. Null: not coded.
+struct EdgeAxis {
+  const float* rows[3] = {nullptr, nullptr, nullptr};
+  const float* sigma = nullptr;  ///< of the row here
+};
+
+/// Second differences along the row and across it: one bit per pixel where any exceeds both limits.
 struct EdgeArgs {
-  const float* u[3] = {nullptr, nullptr, nullptr};  ///< null: not coded
-  const float* v[3] = {nullptr, nullptr, nullptr};
-  const float* ratio[3] = {nullptr, nullptr, nullptr};  ///< B / A, 0 where invalid
-  float max_step_px = 0.0F;
-  float least_ratio = 0.0F;
-  std::int32_t* found = nullptr;  ///< scratch
-  std::uint8_t* edges = nullptr;
+  EdgeAxis u;
+  EdgeAxis v;
+  float max_bend_px = 0.0F;
+  float max_bend_sigma = 0.0F;  ///< of the pixel
+  float max_bend_ratio = 0.0F;  ///< of the difference of the two neighbours
+  std::uint8_t* bits = nullptr;
 };
 
 /// Costs of all candidate orders of one pixel.
@@ -196,6 +271,14 @@ struct Kernels {
   /// Least and greatest value of several rows; returns the greatest of all.
   std::int32_t (*range_bytes)(const RangeArgs& args, int count) = nullptr;
   std::int32_t (*range_words)(const RangeArgs& args, int count) = nullptr;
+  /// Greatest value of several rows of bytes or words.
+  std::int32_t (*peak_bytes)(const void* const* rows, int num_rows, int count) = nullptr;
+  std::int32_t (*peak_words)(const void* const* rows, int num_rows, int count) = nullptr;
+  void (*subtract_bytes)(const SubtractArgs& args, int count) = nullptr;
+  void (*subtract_words)(const SubtractArgs& args, int count) = nullptr;
+  void (*quick)(const QuickArgs& args, int count) = nullptr;
+  void (*mark_unlit_bytes)(const UnlitArgs& args, int count) = nullptr;
+  void (*mark_unlit_words)(const UnlitArgs& args, int count) = nullptr;
   /// Sets `light` to 0 where bright - dark reaches `least`, else to shadow where dark does twice,
   /// else to too dark.
   void (*check_light)(const LightArgs& args, int count) = nullptr;
@@ -214,11 +297,9 @@ struct Kernels {
   void (*compose)(const ComposeArgs& args, int count) = nullptr;
   /// Grey picture of a row, three bytes a pixel.
   void (*to_rgb)(const float* grey, float full_scale, std::uint8_t* rgb, int count) = nullptr;
-  /// B / A of valid pixels, 0 elsewhere.
-  void (*ratio)(const float* modulation, const float* offset, const std::uint8_t* mask,
-                float* ratio, int count) = nullptr;
-  /// Of the pixels 1 .. count - 2.
-  void (*find_edges)(const EdgeArgs& args, int count) = nullptr;
+  /// Reason and no coordinates for pixels without light.
+  void (*blank)(const std::int32_t* light, const MapRow& out, int count) = nullptr;
+  void (*find_bends)(const EdgeArgs& args, int count) = nullptr;
 };
 
 [[nodiscard]] const Kernels& PortableKernels();

@@ -15,7 +15,9 @@
 #include "lanes_avx2.hpp"
 
 // After the lanes, whose functions they use.
+#include "kernel_edges.hpp"
 #include "kernel_ladder.hpp"
+#include "kernel_quick.hpp"
 
 namespace fringe_fusion::decode {
 namespace {

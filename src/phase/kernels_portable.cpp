@@ -1,4 +1,6 @@
+#include "kernel_edges.hpp"
 #include "kernel_ladder.hpp"
+#include "kernel_quick.hpp"
 #include "lanes_portable.hpp"
 
 namespace fringe_fusion::decode {

@@ -20,13 +20,6 @@ bool IsLadder(const AxisPlan& axis) {
          });
 }
 
-const void* RowOf(const CapturedFrame& frame, int y, int begin) {
-  if (const auto* bytes = std::get_if<Image<std::uint8_t>>(&frame.pixels)) {
-    return bytes->row(y) + begin;
-  }
-  return std::get<Image<std::uint16_t>>(frame.pixels).row(y) + begin;
-}
-
 }  // namespace
 
 bool LadderDecoder::Takes(const ImageStack& stack, const DecodeContext& context) {
@@ -75,17 +68,24 @@ void LadderDecoder::AddAxis(const AxisPlan& plan) {
   axes_.push_back(std::move(ladder));
 }
 
-bool LadderDecoder::Run(int y, int begin, int count) {
+bool LadderDecoder::ReadLight(int y, int begin, int count) {
   FindPixels(y, begin);
   if (!FindRange(count)) return false;
-  ReadLight(count);
-  for (Ladder& ladder : axes_) Climb(ladder, count);
+  const ExposureGroup& group = context_.plan.groups.front();
+  const auto frame = [this](int i) { return frames_[static_cast<std::size_t>(i)]; };
+  const bool has_white = !group.white_frames.empty();
+  ToFloat(has_white ? frame(group.white_frames.front()) : high_.data(), bright_.data(), count);
+  ToFloat(has_white ? frame(group.black_frames.front()) : low_.data(), dark_.data(), count);
   return true;
+}
+
+void LadderDecoder::Climb(int begin, int count) {
+  for (Ladder& ladder : axes_) ClimbAxis(ladder, begin, count);
 }
 
 void LadderDecoder::FindPixels(int y, int begin) {
   for (std::size_t i = 0; i < frames_.size(); ++i) {
-    frames_[i] = RowOf(stack_.frames[i], y, begin);
+    frames_[i] = PixelsOf(stack_.frames[i], y, begin);
   }
   for (std::size_t i = 0; i < phase_rows_.size(); ++i) {
     phase_rows_[i] = frames_[static_cast<std::size_t>(phase_frames_[i])];
@@ -103,14 +103,6 @@ bool LadderDecoder::FindRange(int count) {
   return static_cast<float>(range(args, count)) < context_.saturation_dn();
 }
 
-void LadderDecoder::ReadLight(int count) {
-  const ExposureGroup& group = context_.plan.groups.front();
-  const auto frame = [this](int i) { return frames_[static_cast<std::size_t>(i)]; };
-  const bool has_white = !group.white_frames.empty();
-  ToFloat(has_white ? frame(group.white_frames.front()) : high_.data(), bright_.data(), count);
-  ToFloat(has_white ? frame(group.black_frames.front()) : low_.data(), dark_.data(), count);
-}
-
 void LadderDecoder::ToFloat(const void* grey, float* out, int count) const {
   const Kernels& kernels = context_.kernels;
   if (has_bytes_) {
@@ -120,13 +112,15 @@ void LadderDecoder::ToFloat(const void* grey, float* out, int count) const {
   }
 }
 
-void LadderDecoder::Climb(Ladder& ladder, int count) {
+void LadderDecoder::ClimbAxis(Ladder& ladder, int begin, int count) {
+  const int offset = has_bytes_ ? begin : 2 * begin;
   const Kernels& kernels = context_.kernels;
   AxisRow& row = ladder.row;
   for (Rung& rung : ladder.rungs) {
     ClimbArgs& args = rung.args;
     for (std::size_t n = 0; n < rung.frames.size(); ++n) {
-      args.frames[n] = frames_[static_cast<std::size_t>(rung.frames[n])];
+      const void* frame = frames_[static_cast<std::size_t>(rung.frames[n])];
+      args.frames[n] = static_cast<const std::uint8_t*>(frame) + offset;
     }
     const bool is_finest = &rung == &ladder.rungs.back();
     args.coordinate_px = row.coordinate_px.data();

@@ -18,9 +18,11 @@ class LadderDecoder {
   /// @param stack that Takes() accepts.
   LadderDecoder(const ImageStack& stack, const DecodeContext& context);
 
-  /// Decodes `count` pixels of row y from column `begin` on.
+  /// Finds bright() and dark() of `count` pixels of row y from column `begin` on.
   /// @return false where a pixel is saturated: steps have to be dropped.
-  [[nodiscard]] bool Run(int y, int begin, int count);
+  [[nodiscard]] bool ReadLight(int y, int begin, int count);
+  /// Decodes `count` of these pixels from number `begin` on.
+  void Climb(int begin, int count);
 
   /// The coded axes; u and v are the same where one is coded.
   [[nodiscard]] const AxisRow& u() const { return axes_.front().row; }
@@ -28,6 +30,9 @@ class LadderDecoder {
   /// What FrameRows says of the same name.
   [[nodiscard]] const float* bright() const { return bright_.data(); }
   [[nodiscard]] const float* dark() const { return dark_.data(); }
+
+  /// Grey values as PixelsOf() gives them.
+  void ToFloat(const void* grey, float* out, int count) const;
 
  private:
   struct Rung {
@@ -43,9 +48,7 @@ class LadderDecoder {
   void AddAxis(const AxisPlan& plan);
   void FindPixels(int y, int begin);
   [[nodiscard]] bool FindRange(int count);
-  void ReadLight(int count);
-  void Climb(Ladder& ladder, int count);
-  void ToFloat(const void* grey, float* out, int count) const;
+  void ClimbAxis(Ladder& ladder, int begin, int count);
 
   const ImageStack& stack_;
   DecodeContext context_;

@@ -15,6 +15,7 @@ struct AvxLanes {
   using Int = std::int32_t __attribute__((vector_size(32)));
   using Bytes = std::uint8_t __attribute__((vector_size(32)));
   using Words = std::uint16_t __attribute__((vector_size(32)));
+  using Shorts = std::int16_t __attribute__((vector_size(32)));
   static constexpr int kCount = 8;
 
   static inline __attribute__((always_inline)) Float Load(const std::uint8_t* grey) {
@@ -25,6 +26,19 @@ struct AvxLanes {
     const __m128i words = _mm_loadu_si128(reinterpret_cast<const __m128i*>(grey));
     return (Float)_mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(words));
   }
+  static inline __attribute__((always_inline)) Float Load(const std::int16_t* values) {
+    const __m128i shorts = _mm_loadu_si128(reinterpret_cast<const __m128i*>(values));
+    return (Float)_mm256_cvtepi32_ps(_mm256_cvtepi16_epi32(shorts));
+  }
+  static inline __attribute__((always_inline)) Shorts LoadShorts(const std::uint8_t* grey) {
+    const __m128i bytes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(grey));
+    return (Shorts)_mm256_cvtepu8_epi16(bytes);
+  }
+  static inline __attribute__((always_inline)) Shorts LoadShorts(const std::uint16_t* grey) {
+    Shorts shorts;
+    __builtin_memcpy(&shorts, grey, sizeof(shorts));
+    return shorts;
+  }
   static inline __attribute__((always_inline)) Bytes LoadWide(const std::uint8_t* grey) {
     Bytes wide;
     __builtin_memcpy(&wide, grey, sizeof(wide));
@@ -34,6 +48,13 @@ struct AvxLanes {
     Words wide;
     __builtin_memcpy(&wide, grey, sizeof(wide));
     return wide;
+  }
+  // Bit i is set where lane i is.
+  static inline __attribute__((always_inline)) std::int32_t Bits(Int mask) {
+    return _mm256_movemask_ps((__m256)mask);
+  }
+  static inline __attribute__((always_inline)) bool All(Int mask) {
+    return _mm256_movemask_ps((__m256)mask) == 0xff;
   }
   static inline __attribute__((always_inline)) Int Truncate(Float x) {
     return (Int)_mm256_cvttps_epi32((__m256)x);
@@ -64,6 +85,12 @@ FRINGE_FUSION_INLINE AvxLanes::Float Larger(AvxLanes::Float a, AvxLanes::Float b
 }
 FRINGE_FUSION_INLINE AvxLanes::Float Smaller(AvxLanes::Float a, AvxLanes::Float b) {
   return (AvxLanes::Float)_mm256_min_ps((__m256)a, (__m256)b);
+}
+FRINGE_FUSION_INLINE AvxLanes::Float Root(AvxLanes::Float x) {
+  return (AvxLanes::Float)_mm256_sqrt_ps((__m256)x);
+}
+FRINGE_FUSION_INLINE AvxLanes::Float RoundToInteger(AvxLanes::Float x) {
+  return (AvxLanes::Float)_mm256_round_ps((__m256)x, _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC);
 }
 
 }  // namespace fringe_fusion::decode

@@ -6,6 +6,7 @@
 
 #include "axis_decoder.hpp"
 #include "ladder_decoder.hpp"
+#include "quick_decoder.hpp"
 
 namespace fringe_fusion::decode {
 
@@ -37,12 +38,22 @@ class RowDecoder {
     std::optional<AxisDecoder> v;
   };
 
+  [[nodiscard]] bool RunQuick(int y, int begin, int count, const MapRow& out);
+  [[nodiscard]] bool ReadLight(int y, int begin, int count);
+  /// Whether all pixels of one of the groups have light.
+  [[nodiscard]] bool HasLitGroup(int count) const;
+  void FinishDoubtful(int count, const MapRow& out);
+  void StoreWhite(int y, int begin, int count, const MapRow& out);
+  void RunStretch(int y, int begin, int count, const MapRow& out);
   Decoded Decode(int y, int begin, int count);
   Decoded DecodeGeneral(int y, int begin);
-  void CheckLight(int group, const float* bright, const float* dark);
+  void Compose(const Decoded& decoded, int light_begin, int count, const MapRow& out);
+  void CheckLight(int group, const float* bright, const float* dark, int count);
 
   const ImageStack& stack_;
   DecodeContext context_;
+  std::optional<QuickDecoder> quick_;
+  bool was_dark_ = false;  ///< the last stretch had no group with light
   std::optional<LadderDecoder> ladder_;
   std::optional<General> general_;
   std::vector<std::int32_t> light_;

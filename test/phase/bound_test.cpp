@@ -85,7 +85,7 @@ PhaseConfig WithoutDoubt(double read_noise_dn) {
   config.max_wrong_order_ratio = 1.0;
   config.max_level_sigma = 1e6;
   config.min_modulation_sigma = 1.0;
-  config.max_edge_step_px = 10000.0;
+  config.max_bend_px = 10000.0;
   return config;
 }
 

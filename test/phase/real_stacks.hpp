@@ -71,8 +71,8 @@ inline ImageStack SkullGrayStack() {
   ImageStack stack = SlstudioStack();
   for (int i = 0; i < 12; ++i) {
     Pattern pattern = OfKind(i == 0 ? PatternKind::kWhite : PatternKind::kBlack);
-    // Its authors take column 2 code - 1/2.
-    if (i >= 2) pattern = GrayBit(11 - i, false, 2.0, -1.0);
+    // The border below code c is column 2 c - 1/2.
+    if (i >= 2) pattern = GrayBit(11 - i, false, 2.0);
     AddFrame(fmt::format("{}/frameSeq_{:02d}.png", folder, i), pattern, stack);
   }
   return stack;
@@ -101,34 +101,40 @@ inline ImageStack SltkStack() {
   return std::move(*stack);
 }
 
-/// Projector columns of the organised cloud that was published with skull_gray, by the calibration
-/// that was published with it; NaN where it has no point.
+/// A point of the cloud that was published with skull_gray: a place between two camera pixels
+/// where the code changes, and the border of the two projector cells.
+struct PublishedBorder {
+  Eigen::Vector2d pixel_camera;
+  double column_px = 0.0;
+};
+
+/// The cloud by the calibration that was published with it. It was triangulated in undistorted
+/// pictures and without the projector's distortion: without both, the rows of its points are whole
+/// pixels to 1e-12 and its columns whole borders 2 c - 1/2.
 /// Ref: slstudio calibration.xml: p_projector = Rp p_camera + Tp [mm].
-inline Image<float> PublishedSkullColumns() {
+inline std::vector<PublishedBorder> PublishedSkullBorders() {
   const MatMatrix cloud =
       MatReader(test_support::DataPath("slstudio/skull_gray/pointCloud.mat")).Read("xyz");
-  const int height = cloud.size.at(0);
-  const int width = cloud.size.at(1);
-  const auto plane = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  const std::size_t plane =
+      static_cast<std::size_t>(cloud.size.at(0)) * static_cast<std::size_t>(cloud.size.at(1));
   Eigen::Matrix3d R_projector_camera;
   R_projector_camera << 9.64402318e-01, -1.20346159e-01, 2.35467508e-01, 1.53437316e-01,
       9.79882836e-01, -1.27619177e-01, -2.15372086e-01, 1.59205735e-01, 9.63466883e-01;
   const Eigen::Vector3d projector_camera_mm(-1.45282562e+02, -3.64983406e+01, 6.79231644e+01);
-  CameraModel projector{1824, 1140, 2.60152563e+03, 2.60152563e+03, 8.66541504e+02, 1.10911121e+03};
-  projector.distortion[0] = -3.14900056e-02;
-  Image<float> columns(width, height, std::nanf(""));
-  for (int x = 0; x < width; ++x) {
-    for (int y = 0; y < height; ++y) {
-      const std::size_t i = static_cast<std::size_t>(x) * static_cast<std::size_t>(height) +
-                            static_cast<std::size_t>(y);
-      const Eigen::Vector3d point_mm(cloud.values[i], cloud.values[plane + i],
-                                     cloud.values[2 * plane + i]);
-      if (!point_mm.allFinite()) continue;
-      columns(x, y) = static_cast<float>(
-          Project(projector, R_projector_camera * point_mm + projector_camera_mm).x());
-    }
+  const CameraModel projector{1824,           1140,           2.60152563e+03,
+                              2.60152563e+03, 8.66541504e+02, 1.10911121e+03};
+  CameraModel camera{1688, 1352, 2.19512036e+03, 2.19512036e+03, 8.43500000e+02, 6.75500000e+02};
+  camera.distortion[0] = -5.80352657e-02;
+  std::vector<PublishedBorder> borders;
+  for (std::size_t i = 0; i < plane; ++i) {
+    const Eigen::Vector3d point_mm(cloud.values[i], cloud.values[plane + i],
+                                   cloud.values[2 * plane + i]);
+    if (!point_mm.allFinite()) continue;
+    const double column_px =
+        Project(projector, R_projector_camera * point_mm + projector_camera_mm).x();
+    borders.push_back({Project(camera, point_mm), column_px});
   }
-  return columns;
+  return borders;
 }
 
 }  // namespace fringe_fusion::test

@@ -90,9 +90,27 @@ int CountFar(const View& view, float limit_m) {
   return num_far;
 }
 
+bool IsLitAllAround(const View& view, int x, int y) {
+  for (int j = y - 1; j <= y + 1; ++j) {
+    for (int i = x - 1; i <= x + 1; ++i) {
+      if (!view.truth.lit.Contains(i, j) || view.truth.lit(i, j) == 0) return false;
+    }
+  }
+  return true;
+}
+
+// Of the pixels that are lit all around: those beside a dark one are mixed.
 double Completeness(const View& view) {
-  const auto lit = std::count(view.truth.lit.begin(), view.truth.lit.end(), 1);
-  return static_cast<double>(CountValid(view.result.range)) / static_cast<double>(lit);
+  int num_lit = 0;
+  int num_valid = 0;
+  for (int y = 0; y < view.result.range.height; ++y) {
+    for (int x = 0; x < view.result.range.width; ++x) {
+      if (!IsLitAllAround(view, x, y)) continue;
+      ++num_lit;
+      num_valid += IsValid(view.result.range, x, y) ? 1 : 0;
+    }
+  }
+  return static_cast<double>(num_valid) / num_lit;
 }
 
 TEST(SimulatedScan, PlaneErrorIsTheOnePredicted) {

@@ -72,8 +72,12 @@ struct PhaseConfig {
   int num_fine_bits = 2;                ///< finest bits that may be unreadable (Gray code alone)
   bool gray_one_per_cell = true;  ///< Gray code alone on both axes: one pixel per projector cell
   int gray_fit_radius_px = 2;     ///< Gray code alone, else: half window of local fit; 0: off
-  double max_edge_step_px = 8.0;  ///< largest jump of u or v between neighbours [projector px]
-  double min_mixed_ratio = 0.5;   ///< least B / A of a pixel, of the mean of its 3 x 3 window
+  double max_edge_step_px = 8.0;  ///< the same: largest jump between pixels of one local fit
+  double max_bend_px = 0.5;       ///< an edge bends more: |a - 2 b + c| of u or v of three
+                                  ///< neighbours [projector px]
+  double max_bend_sigma = 5.0;    ///< and more than that [sigma of it]
+  double max_bend_ratio = 0.5;    ///< and more than that of the slope between the neighbours
+  bool mask_beside_dark = true;   ///< a pixel beside one without light counts as an edge
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
@@ -95,7 +99,10 @@ struct PhaseConfig {
     field("gray_one_per_cell", gray_one_per_cell);
     field("gray_fit_radius_px", gray_fit_radius_px, 0, 10);
     field("max_edge_step_px", max_edge_step_px, 0.1, 10000.0);
-    field("min_mixed_ratio", min_mixed_ratio, 0.0, 1.0);
+    field("max_bend_px", max_bend_px, 0.0, 10000.0);
+    field("max_bend_sigma", max_bend_sigma, 0.0, 10000.0);
+    field("max_bend_ratio", max_bend_ratio, 0.0, 10.0);
+    field("mask_beside_dark", mask_beside_dark);
   }
 };
 
