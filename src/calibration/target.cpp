@@ -6,6 +6,9 @@
 #include <set>
 #include <utility>
 
+#include "charuco_marker.hpp"
+#include "fringe_fusion/calibration/target_print.hpp"
+
 namespace fringe_fusion {
 namespace {
 
@@ -99,6 +102,14 @@ void CheckCorners(const CalibrationTarget& t, Check& check) {
                 TargetKindName(t.kind));
 }
 
+void CheckMarkers(const CalibrationTarget& t, Check& check) {
+  if (!check.status()) return;
+  const auto needed = static_cast<int>(CharucoMarkerCentres(t).size());
+  const int available = internal::NumMarkers(t.dictionary);
+  check.Require(needed <= available, "dictionary = {} has {} markers, {} x {} corners need {}",
+                t.dictionary, available, t.num_columns, t.num_rows, needed);
+}
+
 }  // namespace
 
 const char* TargetKindName(TargetKind kind) {
@@ -158,6 +169,7 @@ Status Validate(const CalibrationTarget& target, const std::string& owner) {
   if (target.kind == TargetKind::kCharuco) {
     check.Between("marker_m", target.marker_m, 0.0, target.pitch_m);
     check.Within("dictionary", target.dictionary, 0, 20);
+    CheckMarkers(target, check);
   } else {
     check.Unused("marker_m", target.marker_m, 0.0, target.kind);
     check.Unused("dictionary", target.dictionary, 0, target.kind);

@@ -11,10 +11,12 @@
 namespace fringe_fusion::sim {
 
 Shader::Shader(const SimConfig& config, const CellCalibration& calibration, const RayScene& scene,
-               const Transform& T_object_camera)
+               const Transform& T_object_camera, const PrintTexture* texture)
     : config_(config),
       calibration_(calibration),
       scene_(scene),
+      texture_(texture),
+      R_object_camera_(T_object_camera.linear()),
       T_projector_object_(calibration.T_projector_camera * T_object_camera.inverse()),
       projector_object_(T_projector_object_.inverse().translation()),
       nominal_distance_m_(NominalDistance(calibration)) {}
@@ -23,7 +25,7 @@ SurfaceSample Shader::Shade(const RayHit& hit, const Eigen::Vector3d& observer,
                             bool with_lobe) const {
   const Eigen::Vector3d point_projector = T_projector_object_ * hit.point;
   const Eigen::Vector2d pixel = ProjectSafely(calibration_.projector, point_projector);
-  const double albedo = Albedo(hit.point);
+  const double albedo = Albedo(hit, observer);
   SurfaceSample sample;
   sample.u = static_cast<float>(pixel.x());
   sample.v = static_cast<float>(pixel.y());
@@ -49,7 +51,22 @@ SurfaceSample Shader::Shade(const RayHit& hit, const Eigen::Vector3d& observer,
   return sample;
 }
 
-double Shader::Albedo(const Eigen::Vector3d& point) const {
+double Shader::Albedo(const RayHit& hit, const Eigen::Vector3d& observer) const {
+  const double albedo = Checker(hit.point);
+  if (texture_ == nullptr) return albedo;
+  // Steps on the surface for a third of a pixel, the distance of the rays of an edge pixel: the
+  // point moves along its plane when the ray turns.
+  const Eigen::Vector3d ray = hit.point - observer;
+  const double depth = ray.dot(R_object_camera_.col(2));
+  const auto step = [&](int axis, double focal_px) -> Eigen::Vector3d {
+    const Eigen::Vector3d turn = std::abs(depth) / (3.0 * focal_px) * R_object_camera_.col(axis);
+    return turn - hit.normal.dot(turn) / hit.normal.dot(ray) * ray;
+  };
+  return albedo * texture_->Lightness(hit.point, step(0, calibration_.camera.fx),
+                                      step(1, calibration_.camera.fy));
+}
+
+double Shader::Checker(const Eigen::Vector3d& point) const {
   if (!(config_.texture_contrast > 0.0)) return config_.albedo;
   // Shifted so that faces on round coordinates do not lie on the border of two cells.
   const Eigen::Vector3d cell =

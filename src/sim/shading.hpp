@@ -1,6 +1,7 @@
 #pragma once
 
 #include "fringe_fusion/sim/sim_cell.hpp"
+#include "print_texture.hpp"
 #include "ray_scene.hpp"
 
 namespace fringe_fusion::sim {
@@ -19,8 +20,9 @@ struct SurfaceSample {
 /// Light from the projector to a surface point and on to an observer, for one pose of the scanner.
 class Shader {
  public:
+  /// @param texture print on the object, or null.
   Shader(const SimConfig& config, const CellCalibration& calibration, const RayScene& scene,
-         const Transform& T_object_camera);
+         const Transform& T_object_camera, const PrintTexture* texture = nullptr);
 
   /// @param hit seen from `observer`, in `object`.
   /// @param with_lobe adds the specular lobe towards the observer.
@@ -29,11 +31,14 @@ class Shader {
   [[nodiscard]] const Eigen::Vector3d& projector_object() const { return projector_object_; }
 
  private:
-  [[nodiscard]] double Albedo(const Eigen::Vector3d& point) const;
+  [[nodiscard]] double Albedo(const RayHit& hit, const Eigen::Vector3d& observer) const;
+  [[nodiscard]] double Checker(const Eigen::Vector3d& point) const;
 
   const SimConfig& config_;
   const CellCalibration& calibration_;
   const RayScene& scene_;
+  const PrintTexture* texture_;
+  Eigen::Matrix3d R_object_camera_;
   Transform T_projector_object_;
   Eigen::Vector3d projector_object_;
   double nominal_distance_m_;

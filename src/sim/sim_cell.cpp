@@ -52,14 +52,21 @@ Transform AddPoseError(const SimConfig& config, const Transform& commanded, int 
 }  // namespace
 
 struct SimCell::Impl {
-  Impl(const SimConfig& config_in, const CellCalibration& calibration_in, RayScene scene_in)
+  Impl(const SimConfig& config_in, const CellCalibration& calibration_in, RayScene scene_in,
+       const std::optional<SurfacePrint>& print)
       : config(config_in),
         calibration(calibration_in),
         scene(std::move(scene_in)),
-        rays(PixelRays(calibration_in.camera)) {}
+        rays(PixelRays(calibration_in.camera)) {
+    if (print) texture.emplace(*print);
+  }
+
+  [[nodiscard]] Shader MakeShader(const Transform& T) const {
+    return {config, calibration, scene, T, texture ? &*texture : nullptr};
+  }
 
   void Cast(const Transform& T) {
-    const Shader shader(config, calibration, scene, T);
+    const Shader shader = MakeShader(T);
     view = CastView(scene, shader, calibration.camera, rays, T);
     bounce =
         config.interreflection ? Interreflection(scene, shader, view, rays, T) : Interreflection();
@@ -92,6 +99,7 @@ struct SimCell::Impl {
   SimConfig config;
   CellCalibration calibration;
   RayScene scene;
+  std::optional<PrintTexture> texture;
   Image<Eigen::Vector2d> rays;
   Transform T_object_camera = Transform::Identity();
   int pose_index = -1;
@@ -175,7 +183,8 @@ SimCell& SimCell::operator=(SimCell&&) noexcept = default;
 SimCell::~SimCell() = default;
 
 Result<SimCell> SimCell::Create(const SimConfig& config, const CellCalibration& calibration,
-                                const Mesh& object, const Mesh& background) {
+                                const Mesh& object, const Mesh& background,
+                                const std::optional<SurfacePrint>& print) {
   Status status = CheckBounds(config, "sim");
   if (status && config.bit_depth != 8 && config.bit_depth != 12) {
     status = Fail("sim: bit_depth = {} must be 8 or 12", config.bit_depth);
@@ -184,7 +193,7 @@ Result<SimCell> SimCell::Create(const SimConfig& config, const CellCalibration& 
   if (!status) return tl::unexpected<Error>(status.error());
   Result<RayScene> scene = RayScene::Create(object, background);
   if (!scene) return Forward(scene);
-  return SimCell(std::make_unique<Impl>(config, calibration, std::move(*scene)));
+  return SimCell(std::make_unique<Impl>(config, calibration, std::move(*scene), print));
 }
 
 Status SimCell::MoveTo(const Transform& T_object_camera_commanded, int pose_index) {
@@ -227,7 +236,7 @@ Result<CapturedFrame> SimCell::Expose(const Image<std::uint8_t>& projected, doub
 
 ViewTruth SimCell::Truth() const {
   const Impl& impl = *impl_;
-  const Shader shader(impl.config, impl.calibration, impl.scene, impl.T_object_camera);
+  const Shader shader = impl.MakeShader(impl.T_object_camera);
   // After a vibration the kept rays are those of the last frame; the truth is that of the rest.
   if (impl.config.vibration_mm > 0.0) {
     return MakeTruth(

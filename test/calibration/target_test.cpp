@@ -84,6 +84,7 @@ TEST(CalibrationTarget, ValidateNamesWhatIsWrong) {
       {TargetKind::kCircles, [](auto& t) { t.print_ratio = 1.0; }, "print_ratio = 1"},
       {TargetKind::kCharuco, [](auto& t) { t.marker_m = 0.02; }, "marker_m = 0.02"},
       {TargetKind::kCharuco, [](auto& t) { t.dictionary = 40; }, "dictionary = 40"},
+      {TargetKind::kCharuco, [](auto& t) { t.num_columns = 60; }, "has 50 markers"},
       {TargetKind::kRingDots, [](auto& t) { t.ring_radius_m = 0.003; }, "ring_radius_m = 0.003"},
       {TargetKind::kShiftedDots, [](auto& t) { t.num_shifts = 1; }, "num_shifts = 1 is outside"},
       {TargetKind::kAsymmetricCircles, [](auto& t) { t.dot_radius_m = 0.0075; }, "dot_radius_m"},

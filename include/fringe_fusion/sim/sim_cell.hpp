@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "fringe_fusion/common/config.hpp"
 #include "fringe_fusion/common/progress.hpp"
 #include "fringe_fusion/pose/view.hpp"
+#include "fringe_fusion/sim/target_plate.hpp"
 #include "fringe_fusion/surface/mesh.hpp"
 
 namespace fringe_fusion::sim {
@@ -114,9 +116,10 @@ class SimCell {
  public:
   /// @param calibration true geometry of both devices.
   /// @param object the part, in `object` [m]. @param background e.g. the turntable plate, or empty.
-  [[nodiscard]] static Result<SimCell> Create(const SimConfig& config,
-                                              const CellCalibration& calibration,
-                                              const Mesh& object, const Mesh& background);
+  /// @param print on the part, e.g. of a calibration target on its plate.
+  [[nodiscard]] static Result<SimCell> Create(
+      const SimConfig& config, const CellCalibration& calibration, const Mesh& object,
+      const Mesh& background, const std::optional<SurfacePrint>& print = std::nullopt);
   SimCell(SimCell&&) noexcept;
   SimCell& operator=(SimCell&&) noexcept;
   ~SimCell();
