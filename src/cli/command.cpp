@@ -29,10 +29,11 @@ constexpr std::array<const char*, 16> kStageFiles = {"capture_assistant",
                                                      "surface",
                                                      "triangulation"};
 /// Files of the nodes and of a scan, which may lie beside them.
-constexpr std::array<const char*, 18> kOtherFiles = {
-    "arm_axes",   "camera",    "cell_node", "cell_sim",   "fusion_node",    "job",
-    "motion",     "occupancy", "patterns",  "phase_node", "pose",           "pose_node",
-    "pose_prior", "projector", "scanner",   "stations",   "turntable_axes", "turntable_stops"};
+constexpr std::array<const char*, 20> kOtherFiles = {
+    "arm_axes",    "camera",   "cell_node", "cell_sim",       "detect",
+    "fusion_node", "job",      "motion",    "occupancy",      "patterns",
+    "phase_node",  "pose",     "pose_node", "pose_prior",     "projector",
+    "scanner",     "stations", "transfer",  "turntable_axes", "turntable_stops"};
 
 template <typename Names>
 bool Contains(const Names& names, const std::string& name) {

@@ -1,9 +1,11 @@
-// fringe import: a recorded bag -> a scan folder, or one of its clouds -> PLY.
+// fringe import: a recorded bag -> a scan folder, or one of its clouds -> PLY; a calibration of
+// another program -> cell.yaml.
 #include <cmath>
 #include <optional>
 
 #include "command.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/io/opencv_calibration.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/ros_io/bag_reader.hpp"
 #include "staged_folder.hpp"
@@ -17,6 +19,9 @@ using ros_io::BagStack;
 
 struct ImportOptions {
   std::string bag;
+  std::string calibration;
+  std::string camera_size;
+  std::string projector_size;
   std::string out;
   std::string cloud;
   std::string scan_id;
@@ -30,7 +35,20 @@ struct ImportOptions {
 };
 
 void Declare(CLI::App& command, ImportOptions& options) {
-  command.add_option("--bag", options.bag, "Recorded bag")->required()->type_name("FILE");
+  command.add_option("--bag", options.bag, "Recorded bag")->type_name("FILE");
+  command
+      .add_option("--calibration", options.calibration,
+                  "Instead of a bag: a calibration of sltk, slstudio or procam-calibration (OpenCV "
+                  "YAML or XML, mm); --out is the cell.yaml to write")
+      ->type_name("FILE");
+  command
+      .add_option("--camera-size", options.camera_size,
+                  "Size of the camera, where the calibration does not state it")
+      ->type_name("WxH");
+  command
+      .add_option("--projector-size", options.projector_size,
+                  "Size of the projector, where the calibration does not state it")
+      ->type_name("WxH");
   command
       .add_option("--out", options.out,
                   "Scan folder to write; with --cloud: the cloud, .ply or .pcd")
@@ -140,7 +158,42 @@ Status ImportCloud(const ImportOptions& options, BagReader& bag, Session& sessio
   return WriteMesh(*cloud, options.out);
 }
 
+Result<PictureSize> ParseSize(const std::string& option, const std::string& text) {
+  PictureSize size;
+  if (text.empty()) return size;
+  char cross = 0;
+  std::istringstream stream(text);
+  stream >> size.width >> cross >> size.height;
+  if (!stream || cross != 'x' || stream.peek() != std::istringstream::traits_type::eof() ||
+      size.width < 1 || size.height < 1) {
+    return Fail("{} '{}' must be like 1280x800", option, text);
+  }
+  return size;
+}
+
+Status ImportCalibration(const ImportOptions& options, Session& session) {
+  if (options.out.empty()) return Fail("--out: is required");
+  if (Status status = CheckOutputFile(options.out, {".yaml"}); !status) return status;
+  const auto camera_size = ParseSize("--camera-size", options.camera_size);
+  if (!camera_size) return tl::unexpected(camera_size.error());
+  const auto projector_size = ParseSize("--projector-size", options.projector_size);
+  if (!projector_size) return tl::unexpected(projector_size.error());
+  const auto calibration =
+      ReadOpenCvCalibration(options.calibration, *camera_size, *projector_size);
+  if (!calibration) return tl::unexpected(calibration.error());
+  session.figures.Set("calibration_id", CalibrationId(*calibration))
+      .Set("rms_px", calibration->rms_px);
+  fmt::print("{}: camera {} x {}, projector {} x {}, baseline {:.4f} m\n", options.out,
+             calibration->camera.width, calibration->camera.height, calibration->projector.width,
+             calibration->projector.height, calibration->T_projector_camera.translation().norm());
+  return WriteCellCalibration(*calibration, options.out);
+}
+
 Status Import(const ImportOptions& options, Session& session) {
+  if (options.bag.empty() == options.calibration.empty()) {
+    return Fail("exactly one of --bag and --calibration is needed");
+  }
+  if (!options.calibration.empty()) return ImportCalibration(options, session);
   auto bag = BagReader::Open(options.bag);
   if (!bag) return tl::unexpected(bag.error());
   if (options.list) {
@@ -155,8 +208,10 @@ Status Import(const ImportOptions& options, Session& session) {
 }  // namespace
 
 void AddImport(Tool& tool) {
-  AddCommand<ImportOptions>(tool, "import", "A recorded bag -> a scan folder, or a cloud of it",
-                            Declare, Import);
+  AddCommand<ImportOptions>(
+      tool, "import",
+      "A recorded bag -> a scan folder, or a cloud of it; a calibration -> cell.yaml", Declare,
+      Import);
 }
 
 }  // namespace fringe_fusion::cli

@@ -33,6 +33,7 @@ void Describe(Tool& tool) {
   tool.app.set_version_flag("--version", "fringe_fusion " FRINGE_FUSION_VERSION);
   tool.app.require_subcommand(1);
   AddPatterns(tool);
+  AddTarget(tool);
   AddSimulate(tool);
   AddDecode(tool);
   AddReconstruct(tool);
