@@ -1,7 +1,9 @@
 // The fusion against exact truth. Subcommands (lengths in metres):
-//   run    OBJECT SIGMA [VOXEL [ORDER [MESH|- [LEVELS [RADIUS]]]]]  renders, fuses, judges, prints
-//   one row export OBJECT SIGMA FOLDER           writes the views (PLY, poses.conf, camera.txt) for
-//   others judge  OBJECT SIGMA MESH NAME S MB   judges a mesh made elsewhere, prints one row
+//   run    OBJECT SIGMA [VOXEL [ORDER [MESH|- [LEVELS [RADIUS]]]]]
+//          renders, fuses, judges, prints one row
+//   fill   OBJECT SIGMA [VOXEL [MESH]]  the same, then closes all holes: a row about what was
+//   closed export OBJECT SIGMA FOLDER          writes the views (PLY, poses.conf, camera.txt) for
+//   others judge  OBJECT SIGMA MESH NAME S MB  judges a mesh made elsewhere, prints one row
 // OBJECT is a name of proof_objects.hpp or a mesh file in metres.
 
 #include <sys/resource.h>
@@ -19,6 +21,7 @@
 #include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
+#include "fringe_fusion/surface/fill_holes.hpp"
 #include "fringe_fusion/surface/fuse_views.hpp"
 #include "fringe_fusion/triangulation/point_spacing.hpp"
 
@@ -173,6 +176,98 @@ Status Run(const std::vector<std::string>& words) {
   return {};
 }
 
+// How far a point lies in space that one view saw as empty [m]: before what the view measured at
+// all pixels within `margin_m` of the point; 0 where one of them is empty.
+double DepthInEmpty(const ProofScene& scene, const View& view, const Eigen::Vector3d& point,
+                    double margin_m) {
+  const Eigen::Vector3d at = view.pose.T_object_camera.inverse() * point;
+  const double middle = 0.5 * (scene.image_px - 1);
+  const double around = scene.focal_px * margin_m / at.z();
+  const Eigen::Array2d pixel = scene.focal_px * at.head<2>().array() / at.z() + middle;
+  const Eigen::Array2i low = (pixel - around).floor().cast<int>();
+  const Eigen::Array2i high = (pixel + around).ceil().cast<int>();
+  if (low.minCoeff() < 0 || high.maxCoeff() >= scene.image_px) return 0.0;
+  double depth = std::numeric_limits<double>::infinity();
+  for (int y = low.y(); y <= high.y(); ++y) {
+    for (int x = low.x(); x <= high.x(); ++x) {
+      const double behind = static_cast<double>(view.range.points(x, y).norm()) - at.norm();
+      if (!(behind > 0.0)) return 0.0;
+      depth = std::min(depth, behind);
+    }
+  }
+  return depth;
+}
+
+// Share of points that lie in empty space by more than the margin, to all sides.
+double ShareInEmpty(const ProofScene& scene, const std::vector<Eigen::Vector3d>& points,
+                    double margin_m) {
+  std::vector<double> depths(points.size(), 0.0);
+  ParallelFor(static_cast<int>(points.size()), 1024, [&](int begin, int end) {
+    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+      for (const View& view : scene.views) {
+        depths[i] = std::max(depths[i], DepthInEmpty(scene, view, points[i], margin_m));
+      }
+    }
+  });
+  return Share(depths, margin_m);
+}
+
+Mesh FacesWhere(const Mesh& mesh, std::uint8_t flag) {
+  Mesh part;
+  part.vertices = mesh.vertices;
+  for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
+    if (mesh.filled_faces[i] == flag) part.faces.push_back(mesh.faces[i]);
+  }
+  return part;
+}
+
+Status PrintFilled(const std::string& object, double sigma_m, const ProofScene& scene,
+                   const FilledSurface& filled, double seconds) {
+  const Mesh patches = FacesWhere(filled.mesh, 1);
+  const auto measured = Judge(scene, FacesWhere(filled.mesh, 0));
+  const auto all = Judge(scene, filled.mesh);
+  const auto truth = SurfaceDistance::Create(scene.truth);
+  if (!measured || !all || !truth) return Fail("{}: the mesh cannot be judged", object);
+  double back_mm = 0.0;
+  double in_empty = 0.0;
+  if (!patches.faces.empty()) {
+    const std::vector<Eigen::Vector3d> points = SpreadPoints(patches, kNumPoints).points;
+    back_mm = 1e3 * Mean(Distances(*truth, points));
+    // Lines of sight keep a clearance of 1.5 cells from the surface.
+    in_empty = ShareInEmpty(scene, points, 2.0 * filled.figures.grid_m);
+  }
+  const FillFigures& f = filled.figures;
+  std::printf(
+      "| %s | %.1f | %d | %zu of %zu | %zu | %.4f | %.3f | %.2f -> %.2f | %.2f | %.2f | %.4f | "
+      "%.2f |\n",
+      object.c_str(), 1e3 * sigma_m, f.num_filled, f.num_filled_faces, filled.mesh.faces.size(),
+      f.num_open_edges, all->seen_mm, 100.0 * measured->stray, measured->unseen_mm, all->unseen_mm,
+      back_mm, 1e3 * f.grid_m, 100.0 * in_empty, seconds);
+  return {};
+}
+
+Status Fill(const std::vector<std::string>& words) {
+  const double sigma_m = std::stod(words[1]);
+  const Result<ProofScene> scene = MakeScene(words[0], sigma_m);
+  if (!scene) return tl::unexpected(scene.error());
+  FusionConfig config;
+  std::vector<const RangeImage*> ranges;
+  for (const View& view : scene->views) ranges.push_back(&view.range);
+  config.voxel_m = words.size() > 2 ? std::stod(words[2]) : MedianPointSpacing(ranges);
+  const Result<FusedSurface> fused = FuseViews(scene->views, config, CropConfig{}, SurfaceConfig{});
+  if (!fused) return tl::unexpected(fused.error());
+  FillConfig fill;
+  fill.watertight = true;
+  const double before = CpuSeconds();
+  const auto filled = FillHoles(fused->model, scene->views, fill, SurfaceConfig{});
+  if (!filled) return tl::unexpected(filled.error());
+  const double seconds = CpuSeconds() - before;
+  if (words.size() > 3) {
+    if (Status status = WriteMesh(filled->mesh, words[3]); !status) return status;
+  }
+  return PrintFilled(ShortName(words[0]), sigma_m, *scene, *filled, seconds);
+}
+
 Status Export(const std::vector<std::string>& words) {
   const Result<ProofScene> scene = MakeScene(words[0], std::stod(words[1]));
   if (!scene) return tl::unexpected(scene.error());
@@ -209,8 +304,9 @@ int Main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   const std::string command = words.empty() ? "" : words[0];
   const std::vector<std::string> rest(words.begin() + (words.empty() ? 0 : 1), words.end());
-  Status status = Fail("usage: fusion_proof run|export|judge OBJECT SIGMA ...");
+  Status status = Fail("usage: fusion_proof run|fill|export|judge OBJECT SIGMA ...");
   if (command == "run" && rest.size() >= 2) status = Run(rest);
+  if (command == "fill" && rest.size() >= 2) status = Fill(rest);
   if (command == "export" && rest.size() == 3) status = Export(rest);
   if (command == "judge" && rest.size() == 6) status = JudgeFile(rest);
   if (!status) std::fprintf(stderr, "fusion_proof: %s\n", status.error().message.c_str());

@@ -109,6 +109,17 @@ Json MeshFigures(const Mesh& mesh) {
       .Set("area_m2", Area(mesh));
 }
 
+Json FillStageFigures(const FillFigures& figures) {
+  return Json()
+      .Set("grid_m", figures.grid_m)
+      .Set("num_empty", figures.num_empty)
+      .Set("num_unknown", figures.num_unknown)
+      .Set("num_filled", figures.num_filled)
+      .Set("num_left", figures.num_left)
+      .Set("num_filled_faces", figures.num_filled_faces)
+      .Set("num_open_edges", figures.num_open_edges);
+}
+
 Json InspectionFigures(const InspectionResult& result) {
   return Json()
       .Set("model_to_reference", StatisticsFigures(result.model_to_reference))

@@ -10,6 +10,7 @@
 #include "fringe_fusion/inspection/report.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
 #include "fringe_fusion/registration/register_views.hpp"
+#include "fringe_fusion/surface/fill_holes.hpp"
 #include "fringe_fusion/surface/mesh.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
 #include "json.hpp"
@@ -30,6 +31,7 @@ using ReasonCount = std::array<std::size_t, kNumMaskReasons>;
 [[nodiscard]] Json RangeFigures(int view_id, const TriangulationResult& result);
 [[nodiscard]] Json RegistrationFigures(const RegistrationResult& result);
 [[nodiscard]] Json MeshFigures(const Mesh& mesh);
+[[nodiscard]] Json FillStageFigures(const FillFigures& figures);
 [[nodiscard]] Json InspectionFigures(const InspectionResult& result);
 
 // The same for people.

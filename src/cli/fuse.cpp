@@ -5,6 +5,7 @@
 #include "figures.hpp"
 #include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
+#include "fringe_fusion/surface/fill_holes.hpp"
 #include "fuse_views.hpp"
 #include "views.hpp"
 
@@ -17,6 +18,9 @@ struct FuseOptions {
   std::string model;
   std::string method = "gie";
   double voxel_m = 0.0;
+  bool fill_holes = false;
+  bool watertight = false;
+  double max_hole_mm = 0.0;
 };
 
 void Declare(CLI::App& command, FuseOptions& options) {
@@ -38,6 +42,40 @@ void Declare(CLI::App& command, FuseOptions& options) {
           "the spacing of the points)")
       ->check(CLI::Range(1e-6, 10.0))
       ->type_name("M");
+  CLI::Option* fill = command.add_flag(
+      "--fill-holes", options.fill_holes,
+      "Close holes where no sensor saw that space is empty; their faces are flagged `filled`");
+  command
+      .add_option("--max-hole-mm", options.max_hole_mm,
+                  "Larger holes stay open (default: max_hole_m of fill.yaml)")
+      ->check(CLI::Range(1e-3, 1e5))
+      ->needs(fill)
+      ->type_name("MM");
+  command.add_flag("--watertight", options.watertight, "Close all holes, whatever their size")
+      ->excludes("--max-hole-mm");
+}
+
+/// Closes the holes of a field, if that was asked for.
+Status FillIfAsked(const FuseOptions& options, const VoxelField& field,
+                   const std::vector<View>& views, Session& session, Mesh& mesh) {
+  if (!options.fill_holes && !options.watertight) return {};
+  auto fill = session.LoadStage<FillConfig>("fill");
+  if (!fill) return Forward(fill);
+  if (options.max_hole_mm > 0.0) fill->max_hole_m = options.max_hole_mm * 1e-3;
+  if (options.watertight) fill->watertight = true;
+  const auto surface = session.LoadStage<SurfaceConfig>("surface");
+  if (!surface) return Forward(surface);
+  session.console.Begin("fill holes", 1);
+  auto filled = FillHoles(field, views, *fill, *surface, session.console.Part(0));
+  if (!filled) return Forward(filled);
+  session.console.End();
+  mesh = std::move(filled->mesh);
+  session.figures.Set("fill", FillStageFigures(filled->figures));
+  session.figures.Set("mesh", MeshFigures(mesh));
+  fmt::print("filled: {} holes with {} faces, {} left open, {} open edges\n",
+             filled->figures.num_filled, filled->figures.num_filled_faces, filled->figures.num_left,
+             filled->figures.num_open_edges);
+  return {};
 }
 
 bool IsModel(const std::string& path) { return std::filesystem::path(path).extension() == ".vdb"; }
@@ -47,6 +85,12 @@ Status ExtractSaved(const FuseOptions& options, Session& session) {
   if (options.voxel_m != 0.0 || !options.model.empty()) {
     return Fail("--views {}: is a finished model: --voxel and --model do not apply",
                 options.views.views);
+  }
+  if (options.fill_holes || options.watertight) {
+    return Fail(
+        "--views {}: a model does not know what its views saw as empty: fill holes from "
+        "the views",
+        options.views.views);
   }
   const auto surface = session.LoadStage<SurfaceConfig>("surface");
   if (!surface) return Forward(surface);
@@ -79,8 +123,11 @@ Status Fuse(const FuseOptions& options, Session& session) {
   if (!config) return Forward(config);
   const auto views = LoadViews(options.views, session);
   if (!views) return Forward(views);
-  const auto mesh = FuseToMesh(*views, *config, session);
+  auto mesh = FuseToMesh(*views, *config, session);
   if (!mesh) return Fail("{}: {}", options.views.views, mesh.error().message);
+  if (Status status = FillIfAsked(options, mesh->model, *views, session, mesh->mesh); !status) {
+    return Fail("{}: {}", options.views.views, status.error().message);
+  }
   if (Status status = WriteMesh(mesh->mesh, options.out); !status) return status;
   if (!options.model.empty()) {
     if (Status status = SaveModel(mesh->model, options.model); !status) return status;

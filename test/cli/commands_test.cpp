@@ -157,6 +157,27 @@ TEST_F(Commands, FuseSavesAModelThatGivesTheMeshAgain) {
       {"fuse", "--views", Path("one.vdb"), "--out", Path("three.ply"), "--voxel", "0.001"});
   EXPECT_NE(refused.exit_status, 0);
   EXPECT_NE(refused.err.find("--voxel and --model do not apply"), std::string::npos) << refused.err;
+  const Outcome unknown =
+      RunFringe({"fuse", "--views", Path("one.vdb"), "--out", Path("three.ply"), "--watertight"});
+  EXPECT_NE(unknown.exit_status, 0);
+  EXPECT_NE(unknown.err.find("fill holes from the views"), std::string::npos) << unknown.err;
+}
+
+TEST_F(Commands, FuseClosesHolesAndFlagsTheirFaces) {
+  ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("closed.ply"), "--json",
+                           Path("closed.json"), "--config", Path("config"), "--watertight"}));
+  EXPECT_EQ(Figure(Path("closed.json"), "num_open_edges"), 0.0);
+  const auto mesh = ReadMesh(Path("closed.ply"));
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  double num_filled = 0.0;
+  for (const std::uint8_t flag : mesh->filled_faces) num_filled += flag;
+  EXPECT_GT(num_filled, 0.0);
+  EXPECT_EQ(num_filled, Figure(Path("closed.json"), "num_filled_faces"));
+  ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("part.ply"), "--json",
+                           Path("part.json"), "--config", Path("config"), "--fill-holes",
+                           "--max-hole-mm", "0.001"}));
+  EXPECT_EQ(Figure(Path("part.json"), "num_filled_faces"), 0.0);
+  EXPECT_GT(Figure(Path("part.json"), "num_open_edges"), 0.0);
 }
 
 TEST_F(Commands, SettingsWithoutAVoxelLeaveItToThePoints) {
