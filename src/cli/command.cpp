@@ -12,12 +12,12 @@ namespace fringe_fusion::cli {
 namespace {
 
 /// Files that a command reads from a folder of settings.
-constexpr std::array<const char*, 17> kStageFiles = {
-    "capture_assistant", "cell",    "crop",          "diagnosis",
-    "epipolar",          "fill",    "fusion",        "health",
-    "inspection",        "pattern", "phase",         "registration",
-    "response",          "sim",     "simulate_scan", "surface",
-    "triangulation"};
+constexpr std::array<const char*, 18> kStageFiles = {
+    "capture_assistant", "cell",       "crop",          "diagnosis",
+    "epipolar",          "fill",       "fusion",        "health",
+    "inspection",        "pattern",    "phase",         "registration",
+    "response",          "sim",        "simulate_scan", "surface",
+    "triangulation",     "variational"};
 /// Files of the nodes and of a scan, which may lie beside them.
 constexpr std::array<const char*, 20> kOtherFiles = {
     "arm_axes",    "camera",   "cell_node", "cell_sim",       "detect",

@@ -6,6 +6,7 @@
 #include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/surface/fill_holes.hpp"
+#include "fuse_variational.hpp"
 #include "fuse_views.hpp"
 #include "views.hpp"
 
@@ -32,8 +33,11 @@ void Declare(CLI::App& command, FuseOptions& options) {
       .add_option("--model", options.model,
                   "Save the implicit model too; --views MODEL.vdb makes a mesh of it again")
       ->type_name("MODEL.vdb");
-  command.add_option("--method", options.method, "gie: generalised implicit equation")
-      ->check(CLI::IsMember({"gie"}))
+  command
+      .add_option(
+          "--method", options.method,
+          "gie: generalised implicit equation; rbf: variational surface of radial functions")
+      ->check(CLI::IsMember({"gie", "rbf"}))
       ->capture_default_str();
   command
       .add_option(
@@ -78,12 +82,30 @@ Status FillIfAsked(const FuseOptions& options, const VoxelField& field,
   return {};
 }
 
+Status FuseRbf(const FuseOptions& options, Session& session) {
+  if (!options.model.empty()) {
+    return Fail("--model {}: --method rbf has no model file", options.model);
+  }
+  const auto config = LoadVariationalConfig(session, options.voxel_m);
+  if (!config) return Forward(config);
+  const auto views = LoadViews(options.views, session);
+  if (!views) return Forward(views);
+  auto fused = FuseVariational(*views, *config, session);
+  if (!fused) return Fail("{}: {}", options.views.views, fused.error().message);
+  if (Status status = FillIfAsked(options, fused->surface, *views, session, fused->mesh); !status) {
+    return Fail("{}: {}", options.views.views, status.error().message);
+  }
+  if (Status status = WriteMesh(fused->mesh, options.out); !status) return status;
+  fmt::print("{}: {}\n", options.out, VariationalSummary(*fused));
+  return {};
+}
+
 bool IsModel(const std::string& path) { return std::filesystem::path(path).extension() == ".vdb"; }
 
 /// The surface of a model that was saved.
 Status ExtractSaved(const FuseOptions& options, Session& session) {
-  if (options.voxel_m != 0.0 || !options.model.empty()) {
-    return Fail("--views {}: is a finished model: --voxel and --model do not apply",
+  if (options.voxel_m != 0.0 || !options.model.empty() || options.method != "gie") {
+    return Fail("--views {}: is a finished model: --voxel, --model and --method do not apply",
                 options.views.views);
   }
   if (options.fill_holes || options.watertight) {
@@ -119,6 +141,7 @@ Status Fuse(const FuseOptions& options, Session& session) {
     if (Status status = CheckOutputFile(options.model, {".vdb"}); !status) return status;
   }
   session.AdoptSettings(options.views.views);
+  if (options.method == "rbf") return FuseRbf(options, session);
   const auto config = LoadFuseConfig(session, options.voxel_m);
   if (!config) return Forward(config);
   const auto views = LoadViews(options.views, session);
