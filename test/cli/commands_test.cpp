@@ -114,7 +114,8 @@ TEST_F(Commands, ReconstructLeavesTheScanAloneWithOut) {
   EXPECT_EQ(ListFiles(Path("scan")), before);
   const auto range = ReadRangeImage(Path("elsewhere/views/000/range.ply"));
   ASSERT_TRUE(range) << range.error().message;
-  EXPECT_GT(CountValid(*range), 1000);
+  // The view is coarse: every second pixel lies beside an edge.
+  EXPECT_GT(CountValid(*range), 500);
 }
 
 TEST_F(Commands, RegisterMovesPosesTowardsTheTruth) {
