@@ -70,7 +70,8 @@ PhaseMap DecodeBy(const Kernels& kernels, const ImageStack& stack, const PhaseCo
 
 template <typename T>
 bool SameBytes(const Image<T>& a, const Image<T>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+  if (a.size() != b.size()) return false;
+  return a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
 }
 
 // Several stretches of a row, of which the last has no whole number of vectors.
