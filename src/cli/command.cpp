@@ -12,18 +12,17 @@ namespace fringe_fusion::cli {
 namespace {
 
 /// Files that a command reads from a folder of settings.
-constexpr std::array<const char*, 18> kStageFiles = {
-    "capture_assistant", "cell",       "crop",          "diagnosis",
-    "epipolar",          "fill",       "fusion",        "health",
-    "inspection",        "pattern",    "phase",         "registration",
-    "response",          "sim",        "simulate_scan", "surface",
-    "triangulation",     "variational"};
+constexpr std::array<const char*, 21> kStageFiles = {
+    "calibration", "capture_assistant", "cell",    "crop",         "detect",
+    "diagnosis",   "epipolar",          "fill",    "fusion",       "health",
+    "inspection",  "pattern",           "phase",   "registration", "response",
+    "sim",         "simulate_scan",     "surface", "transfer",     "triangulation",
+    "variational"};
 /// Files of the nodes and of a scan, which may lie beside them.
-constexpr std::array<const char*, 20> kOtherFiles = {
-    "arm_axes",    "camera",   "cell_node", "cell_sim",       "detect",
-    "fusion_node", "job",      "motion",    "occupancy",      "patterns",
-    "phase_node",  "pose",     "pose_node", "pose_prior",     "projector",
-    "scanner",     "stations", "transfer",  "turntable_axes", "turntable_stops"};
+constexpr std::array<const char*, 18> kOtherFiles = {
+    "arm_axes",   "camera",    "cell_node", "cell_sim",   "fusion_node",    "job",
+    "motion",     "occupancy", "patterns",  "phase_node", "pose",           "pose_node",
+    "pose_prior", "projector", "scanner",   "stations",   "turntable_axes", "turntable_stops"};
 
 template <typename Names>
 bool Contains(const Names& names, const std::string& name) {

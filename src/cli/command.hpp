@@ -108,6 +108,7 @@ void AddCommand(Tool& tool, const std::string& name, const std::string& descript
 // One function per command, each in its own file.
 void AddPatterns(Tool& tool);
 void AddTarget(Tool& tool);
+void AddCalibrate(Tool& tool);
 void AddSimulate(Tool& tool);
 void AddDecode(Tool& tool);
 void AddReconstruct(Tool& tool);

@@ -34,6 +34,7 @@ void Describe(Tool& tool) {
   tool.app.require_subcommand(1);
   AddPatterns(tool);
   AddTarget(tool);
+  AddCalibrate(tool);
   AddSimulate(tool);
   AddDecode(tool);
   AddReconstruct(tool);

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "fringe_fusion/common/parallel.hpp"
+#include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/image_io.hpp"
 
@@ -218,6 +219,34 @@ Result<ScanFolder> OpenScan(const std::string& path) {
   scan.calibration = std::move(*calibration);
   scan.sequence = std::move(*sequence);
   scan.view_ids = std::move(*view_ids);
+  return scan;
+}
+
+Result<ScanFolder> OpenUncalibratedScan(const std::string& path) {
+  std::error_code code;
+  if (!fs::is_directory(path, code)) return Fail("{}: no such scan folder", path);
+  ScanFolder scan;
+  scan.path = path;
+  Result<PatternSequence> sequence = ReadPatterns(PatternsPath(path));
+  if (!sequence) return Forward(sequence);
+  Result<std::vector<int>> view_ids = FindViews(fs::path(path) / "views");
+  if (!view_ids) return Forward(view_ids);
+  if (view_ids->empty()) return Fail("{}: has no views", path);
+  scan.sequence = std::move(*sequence);
+  scan.view_ids = std::move(*view_ids);
+  const int first = scan.view_ids.front();
+  const Result<ViewDescription> view = ReadViewDescription(scan, first);
+  if (!view) return Forward(view);
+  const fs::path frame = fs::path(FrameFolder(scan, first, *view)) / view->frame_files.front();
+  const Result<FramePixels> pixels = ReadGrayImage(frame.string());
+  if (!pixels) return Forward(pixels);
+  CapturedFrame captured;
+  captured.pixels = *pixels;
+  CameraModel& camera = scan.calibration.camera;
+  camera.width = Width(captured);
+  camera.height = Height(captured);
+  scan.calibration.projector.width = scan.sequence.width;
+  scan.calibration.projector.height = scan.sequence.height;
   return scan;
 }
 

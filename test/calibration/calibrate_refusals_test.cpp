@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "cell_scene.hpp"
+#include "fringe_fusion/io/config_yaml.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -131,6 +132,21 @@ TEST_F(Refusals, OneSightingOfAnotherTargetIsLeftOut) {
 TEST_F(Refusals, SystemThatDeterminesNothingStatesItsCondition) {
   config_.max_condition = 10.0;
   ExpectRefused({"do not determine the cell: condition number", "limit 10", "told apart"});
+}
+
+TEST(CalibrationConfig, FileStatesTheDefaults) {
+  const auto file = LoadConfigFile<CalibrationConfig>(SOURCE_DIR "/config/calibration.yaml");
+  ASSERT_TRUE(file) << file.error().message;
+  std::vector<double> expected;
+  std::vector<double> read;
+  const auto collect = [](std::vector<double>& values) {
+    return [&values](const char* /*name*/, const auto& value, auto... /*bounds*/) {
+      values.push_back(static_cast<double>(value));
+    };
+  };
+  CalibrationConfig{}.Visit(collect(expected));
+  CalibrationConfig(*file).Visit(collect(read));
+  EXPECT_EQ(read, expected);
 }
 
 }  // namespace

@@ -1,11 +1,12 @@
-// Drawing a target, and calibrations of other programs as cell.yaml.
+// Drawing a target, calibrating with it, and calibrations of other programs as cell.yaml.
 #include <gtest/gtest.h>
 
-#include <memory>
+#include <cmath>
 
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_program.hpp"
+#include "test/support/data_path.hpp"
 
 namespace fringe_fusion::cli {
 namespace {
@@ -92,6 +93,107 @@ TEST_F(CalibrationCommands, ImportWantsOneSource) {
   EXPECT_NE(Refusal({"import", "--calibration", Path("absent.xml"), "--out", Path("c.yaml")})
                 .find("absent.xml"),
             std::string::npos);
+}
+
+/// A pinhole cell before a board at tilted poses; truth is the scene.
+SightingsFile SceneSightings() {
+  SightingsFile file;
+  file.target.num_columns = 7;
+  file.target.num_rows = 6;
+  file.target.pitch_m = 0.03;
+  file.camera_width = 1280;
+  file.camera_height = 1024;
+  file.projector_width = 1024;
+  file.projector_height = 768;
+  const CameraModel camera{1280, 1024, 1500.0, 1500.0, 640.0, 510.0, {}};
+  const CameraModel projector{1024, 768, 1400.0, 1400.0, 512.0, 700.0, {}};
+  const Transform T_projector_camera(Eigen::Translation3d(-0.2, 0.05, 0.02));
+  const auto points = TargetPoints(file.target);
+  for (int k = 0; k < 6; ++k) {
+    Transform T = Transform::Identity();
+    const Eigen::Vector3d axis(std::cos(1.1 * k), std::sin(1.1 * k), 0.2);
+    T.linear() = Eigen::AngleAxisd(0.4, axis.normalized()).toRotationMatrix();
+    T.translation() = Eigen::Vector3d(-0.02, -0.08, 0.6 + 0.03 * k);
+    TargetSighting sighting;
+    sighting.name = "pose " + std::to_string(k);
+    for (std::size_t j = 0; j < points.size(); ++j) {
+      PointSighting seen;
+      seen.point = static_cast<int>(j);
+      // Noise of a few hundredths of a pixel, the same in every run.
+      const double wave = 0.02 * std::sin(12.9898 * static_cast<double>(j) + 78.233 * k);
+      seen.pixel_camera = Project(camera, T * points[j]) + Eigen::Vector2d(wave, -0.7 * wave);
+      seen.pixel_projector =
+          Project(projector, T_projector_camera * (T * points[j])) + Eigen::Vector2d(-wave, wave);
+      seen.covariance_camera_px2 = seen.covariance_projector_px2 =
+          4e-4 * Eigen::Matrix2d::Identity();
+      seen.has_projector = true;
+      sighting.points.push_back(seen);
+    }
+    file.sightings.push_back(std::move(sighting));
+  }
+  return file;
+}
+
+TEST_F(CalibrationCommands, CalibrateSolvesSightings) {
+  ASSERT_TRUE(SaveSightings(SceneSightings(), Path("s.yaml")));
+  const Outcome outcome =
+      RunFringe({"calibrate", "--sightings", Path("s.yaml"), "--out", Path("cell.yaml"),
+                 "--camera-info", Path("info"), "--json", Path("c.json")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("accepted: 6 of 6 poses"), std::string::npos) << outcome.out;
+  const auto cell = ReadCellCalibration(Path("cell.yaml"));
+  ASSERT_TRUE(cell) << cell.error().message;
+  const auto covariance = ReadCellCovariance(Path("cell.yaml"));
+  ASSERT_TRUE(covariance) << covariance.error().message;
+  EXPECT_NEAR(cell->camera.fx, 1500.0, 6.0 * std::sqrt((*covariance)(0, 0)));
+  EXPECT_NEAR(cell->projector.cy, 700.0, 6.0 * std::sqrt((*covariance)(12, 12)));
+  EXPECT_NEAR(cell->T_projector_camera.translation().x(), -0.2, 5e-4);
+  EXPECT_TRUE(fs::exists(Path("info/projector.yaml")));
+  EXPECT_NE(ReadBytes(Path("c.json")).find("\"accepted\": true"), std::string::npos);
+}
+
+TEST_F(CalibrationCommands, CalibrateKeepsTheEarlierFileWhenItRejects) {
+  ASSERT_TRUE(SaveSightings(SceneSightings(), Path("s.yaml")));
+  WriteBytes(Path("config/calibration.yaml"), "max_rms_px: 0.002\n");
+  WriteBytes(Path("cell.yaml"), "earlier");
+  const std::vector<std::string> call = {"calibrate",      "--sightings",  Path("s.yaml"),
+                                         "--config",       Path("config"), "--out",
+                                         Path("cell.yaml")};
+  EXPECT_NE(Refusal(call).find("rms of the camera"), std::string::npos) << Refusal(call);
+  EXPECT_EQ(ReadBytes(Path("cell.yaml")), "earlier");
+  std::vector<std::string> forced = call;
+  forced.emplace_back("--force");
+  EXPECT_EQ(RunFringe(forced).exit_status, 0);
+  EXPECT_TRUE(ReadCellCalibration(Path("cell.yaml")));
+}
+
+TEST_F(CalibrationCommands, CalibrateSaysWhatIsWrong) {
+  EXPECT_NE(Refusal({"calibrate", "--out", Path("c.yaml")})
+                .find("exactly one of --dataset and --sightings"),
+            std::string::npos);
+  SightingsFile file = SceneSightings();
+  file.sightings.resize(2);
+  ASSERT_TRUE(SaveSightings(file, Path("two.yaml")));
+  const std::string few =
+      Refusal({"calibrate", "--sightings", Path("two.yaml"), "--out", Path("c.yaml")});
+  EXPECT_NE(few.find("2 of 2 poses are usable, 3 are needed"), std::string::npos) << few;
+  EXPECT_FALSE(fs::exists(Path("c.yaml")));
+}
+
+TEST_F(CalibrationCommands, CalibrateReadsRealScans) {
+  const std::string data = test_support::DataPath("slstudio");
+  FRINGE_FUSION_REQUIRE_DATA(data);
+  WriteBytes(Path("board.yaml"), "kind: chessboard\ncolumns: 13\nrows: 9\npitch_m: 0.01\n");
+  const Outcome outcome =
+      RunFringe({"calibrate", "--dataset", SOURCE_DIR "/config/datasets/slstudio", "--target",
+                 Path("board.yaml"), "--out", Path("cell.yaml")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  const auto cell = ReadCellCalibration(Path("cell.yaml"));
+  ASSERT_TRUE(cell) << cell.error().message;
+  // Published: 2195.1 and 2601.5 px.
+  EXPECT_NEAR(cell->camera.fx, 2195.12, 0.01 * 2195.12);
+  EXPECT_NEAR(cell->projector.fx, 2601.53, 0.01 * 2601.53);
+  EXPECT_LT(cell->rms_px, 0.403);
 }
 
 }  // namespace

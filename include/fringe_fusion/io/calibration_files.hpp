@@ -3,9 +3,12 @@
 #include <string>
 #include <vector>
 
+#include "fringe_fusion/calibration/calibrate_cell.hpp"
 #include "fringe_fusion/calibration/target.hpp"
 
 namespace fringe_fusion {
+
+struct ScanFolder;
 
 /// target.yaml: kind, columns, rows, pitch_m and what the kind needs, lengths in metres.
 /// @return error naming file, key, value and bound; unknown keys are errors.
@@ -28,5 +31,21 @@ struct SightingsFile {
 /// occurs twice, or whose covariance is not positive definite is one.
 [[nodiscard]] Result<SightingsFile> LoadSightings(const std::string& path);
 [[nodiscard]] Status SaveSightings(const SightingsFile& file, const std::string& path);
+
+/// Opens a scan folder whose devices are not calibrated yet: cell.yaml is neither needed nor read;
+/// the sizes are those of the first frame and of patterns.yaml, the lens models mean nothing.
+/// @return error naming the folder or file; a folder without a view is one.
+[[nodiscard]] Result<ScanFolder> OpenUncalibratedScan(const std::string& path);
+
+/// cell.yaml with the covariance of its numbers and the verdict.
+[[nodiscard]] Status WriteCalibratedCell(const CellCalibrationResult& result,
+                                         const std::string& path);
+/// Covariance of a cell.yaml, in the order of CellParameterName.
+/// @return error naming file and key; a file that states none is one.
+[[nodiscard]] Result<CellCovariance> ReadCellCovariance(const std::string& path);
+
+/// camera_info of ROS (camera_calibration_parsers), as camera_info_manager loads it.
+[[nodiscard]] Status WriteCameraInfo(const CameraModel& model, const std::string& name,
+                                     const std::string& path);
 
 }  // namespace fringe_fusion
