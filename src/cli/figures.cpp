@@ -85,6 +85,13 @@ Json RangeFigures(int view_id, const TriangulationResult& result) {
                                                    : result.median_abs_epipolar_px);
 }
 
+namespace {
+// Per axis, from three diagonal elements of a pose covariance.
+double RmsSigma(const Matrix6d& covariance, Eigen::Index first) {
+  return std::sqrt(covariance.diagonal().segment<3>(first).sum() / 3.0);
+}
+}  // namespace
+
 Json RegistrationFigures(const RegistrationResult& result) {
   std::vector<Json> views;
   for (const RegisteredView& view : result.views) {
@@ -92,14 +99,27 @@ Json RegistrationFigures(const RegistrationResult& result) {
                         .Set("view", view.id)
                         .Set("overlap_ratio", view.overlap_ratio)
                         .Set("rms_m", view.rms_m)
-                        .Set("connected", view.connected));
+                        .Set("connected", view.connected)
+                        .Set("information", view.information)
+                        .Set("weak_directions", view.weak_directions)
+                        .Set("prior_sigma", view.prior_sigma)
+                        .Set("moved_m", view.prior_shift_m)
+                        .Set("turned_rad", view.prior_turn_rad)
+                        .Set("doubled_m", view.doubled_m)
+                        .Set("sigma_rotation_rad", RmsSigma(view.pose.covariance, 0))
+                        .Set("sigma_translation_m", RmsSigma(view.pose.covariance, 3)));
   }
+  std::vector<Json> warnings;
+  for (const std::string& warning : result.warnings)
+    warnings.push_back(Json().Set("text", warning));
   return Json()
       .Set("rms_before_m", result.rms_before_m)
       .Set("rms_after_m", result.rms_after_m)
       .Set("iterations", result.iterations)
       .Set("converged", result.converged)
-      .Set("views", views);
+      .Set("recovered", result.recovered)
+      .Set("views", views)
+      .Set("warnings", warnings);
 }
 
 Json MeshFigures(const Mesh& mesh) {
@@ -133,10 +153,11 @@ Report::Table RegistrationTable(const RegistrationResult& result) {
       fmt::format("Registration: residual {} mm at the prior poses, {} mm after {} iterations{}",
                   Millimetres(result.rms_before_m), Millimetres(result.rms_after_m),
                   result.iterations, result.converged ? "" : " (not converged)");
-  table.header = {"view", "overlap [%]", "rms [mm]", "connected"};
+  table.header = {"view", "overlap [%]", "rms [mm]", "connected", "placed by", "sigma [mm]"};
   for (const RegisteredView& view : result.views) {
     table.rows.push_back({std::to_string(view.id), fmt::format("{:.1f}", 100 * view.overlap_ratio),
-                          Millimetres(view.rms_m), view.connected ? "yes" : "no"});
+                          Millimetres(view.rms_m), view.connected ? "yes" : "no", view.information,
+                          fmt::format("{:.4f}", 1e3 * RmsSigma(view.pose.covariance, 3))});
   }
   return table;
 }

@@ -21,6 +21,7 @@ struct RegisterOptions {
   std::string out;
   double prior_sigma_mm = 0.0;
   double prior_sigma_deg = 0.0;
+  bool no_prior = false;
 };
 
 void Declare(CLI::App& command, RegisterOptions& options) {
@@ -41,6 +42,11 @@ void Declare(CLI::App& command, RegisterOptions& options) {
                   ->type_name("DEG");
   mm->needs(deg);
   deg->needs(mm);
+  command
+      .add_flag("--no-prior,--unordered", options.no_prior,
+                "Ignore all given poses: the views assemble themselves by their shape, in the "
+                "camera frame of the first one. Views that fit to none are reported and left out")
+      ->excludes(mm);
 }
 
 /// Files of the views, relative to the folder of the new POSES.conf. Views of a scan that were
@@ -67,7 +73,27 @@ Result<std::vector<std::string>> ViewFiles(const RegisterOptions& options,
   return files;
 }
 
-Status Register(const RegisterOptions& options, Session& session) {
+// Registers on top of the given poses, or without any.
+Result<RegistrationResult> RegisterGraph(const RegisterOptions& options, std::vector<View> views,
+                                         const RegistrationConfig& config, Session& session) {
+  if (options.no_prior) {
+    const auto assembly = session.LoadStage<AssemblyConfig>("assembly");
+    if (!assembly) return Forward(assembly);
+    return RegisterUnordered(std::move(views), config, *assembly, session.console.Part(0));
+  }
+  ViewGraph graph;
+  graph.views = std::move(views);
+  if (options.prior_sigma_mm > 0.0 && !fs::is_directory(options.views.views)) {
+    const Matrix6d covariance = PoseCovariance(options.prior_sigma_deg * std::acos(-1.0) / 180.0,
+                                               options.prior_sigma_mm * 1e-3);
+    for (View& view : graph.views) view.pose.covariance = covariance;
+  }
+  return RegisterViews(graph, config, session.console.Part(0));
+}
+
+Status Register(const RegisterOptions& given, Session& session) {
+  RegisterOptions options = given;
+  options.views.no_prior = options.no_prior;
   if (Status status = CheckOutputFile(options.out, {".conf"}); !status) return status;
   session.AdoptSettings(options.views.views);
   const auto config = session.LoadStage<RegistrationConfig>("registration");
@@ -76,25 +102,26 @@ Status Register(const RegisterOptions& options, Session& session) {
   if (!views) return Forward(views);
   const auto files = ViewFiles(options, *views);
   if (!files) return Forward(files);
-  ViewGraph graph{std::move(*views)};
-  if (options.prior_sigma_mm > 0.0 && !fs::is_directory(options.views.views)) {
-    const Matrix6d covariance = PoseCovariance(options.prior_sigma_deg * std::acos(-1.0) / 180.0,
-                                               options.prior_sigma_mm * 1e-3);
-    for (View& view : graph.views) view.pose.covariance = covariance;
-  }
   session.console.Begin("register", 1);
-  const auto result = RegisterViews(graph, *config, session.console.Part(0));
+  const auto result = RegisterGraph(options, std::move(*views), *config, session);
   if (!result) return Fail("{}: {}", options.views.views, result.error().message);
   session.console.End();
   std::vector<ConfEntry> entries;
   for (std::size_t i = 0; i < files->size(); ++i) {
-    entries.push_back({(*files)[i], result->views[i].pose.T_object_camera});
+    const Pose& pose = result->views[i].pose;
+    if (pose.source == PoseSource::kNone) continue;  // fits to no other view
+    entries.push_back({(*files)[i], pose.T_object_camera});
   }
   session.figures.Set("registration", RegistrationFigures(*result));
   if (Status status = WritePosesConf(entries, options.out); !status) return status;
-  fmt::print("{}: {} views, rms {:.4f} mm before, {:.4f} mm after {} iterations{}\n", options.out,
-             result->views.size(), result->rms_before_m * 1e3, result->rms_after_m * 1e3,
-             result->iterations, result->converged ? "" : " (not converged)");
+  fmt::print("{}: {} of {} views, rms {:.4f} mm before, {:.4f} mm after {} iterations{}{}\n",
+             options.out, entries.size(), result->views.size(), result->rms_before_m * 1e3,
+             result->rms_after_m * 1e3, result->iterations,
+             result->recovered ? ", places found by shape" : "",
+             result->converged ? "" : " (not converged)");
+  for (const std::string& warning : result->warnings) {
+    fmt::print(stderr, "fringe register: warning: {}\n", warning);
+  }
   return {};
 }
 

@@ -150,7 +150,8 @@ Status ReconstructViews(Work& work, Session& session) {
 }
 
 Status RegisterAll(Work& work, Session& session) {
-  ViewGraph graph{std::move(work.views)};
+  ViewGraph graph;
+  graph.views = std::move(work.views);
   session.console.Begin("register", 1);
   const auto result = RegisterViews(graph, work.config.registration, session.console.Part(0));
   work.views = std::move(graph.views);
@@ -159,6 +160,13 @@ Status RegisterAll(Work& work, Session& session) {
   for (std::size_t i = 0; i < work.views.size(); ++i) work.views[i].pose = result->views[i].pose;
   session.figures.Set("registration", RegistrationFigures(*result));
   work.report.tables.push_back(RegistrationTable(*result));
+  if (!result->warnings.empty()) {
+    Report::Table table;
+    table.title = "Registration: what to look at";
+    table.header = {"warning"};
+    for (const std::string& warning : result->warnings) table.rows.push_back({warning});
+    work.report.tables.push_back(std::move(table));
+  }
   work.summary = fmt::format(", registration rms {:.4f} mm", result->rms_after_m * 1e3);
   return {};
 }

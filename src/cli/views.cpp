@@ -93,7 +93,9 @@ Result<std::vector<View>> LoadScanViews(const ViewsOptions& options, Session& se
   for (const int id : *ids) {
     const Progress progress = session.console.Part(static_cast<int>(views.size()));
     if (!progress("load", 0.0)) return Fail("{}", kCancelled);
-    const Result<Pose> pose = PriorPose(*scan, id);
+    Result<Pose> pose = Pose{};
+    pose->source = PoseSource::kFile;
+    if (!options.no_prior) pose = PriorPose(*scan, id);
     if (!pose) return Forward(pose);
     Result<RangeImage> range = LoadOrReconstruct(*scan, id, *config, progress);
     if (!range) return Forward(range);

@@ -18,6 +18,7 @@ struct ViewsOptions {
   std::string views;                               ///< POSES.conf or a scan folder
   std::array<double, 3> line_of_sight{{0, 0, 1}};  ///< of directional scans, in their own frame
   double sigma_mm = 0.1;                           ///< noise of scans that state none
+  bool no_prior = false;  ///< poses of a scan are not read: every view is in its own camera frame
 };
 void DeclareViews(CLI::App& command, ViewsOptions& options);
 

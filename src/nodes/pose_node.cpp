@@ -186,6 +186,10 @@ bool PoseNode::OnOptimize(OptimizeViews::Request& request, OptimizeViews::Respon
       fmt::format("{} views registered in {} iterations{}, {} without overlap keep their prior",
                   result->views.size(), result->iterations,
                   result->converged ? "" : " (not converged)", num_loose);
+  for (const std::string& warning : result->warnings) {
+    response.message += "; " + warning;
+    ROS_WARN("registration: %s", warning.c_str());
+  }
   ROS_INFO("%s; rms %.4g -> %.4g mm", response.message.c_str(), 1e3 * result->rms_before_m,
            1e3 * result->rms_after_m);
   const std::lock_guard<std::mutex> lock(mutex_);

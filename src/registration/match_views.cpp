@@ -27,6 +27,7 @@ std::vector<Match> SearchOneWay(const ViewSurface& source, const ViewSurface& ta
   const Eigen::Vector3f t = T_target_source.translation().cast<float>();
   const auto radius = static_cast<float>(limits.radius_m);
   const auto min_cosine = static_cast<float>(std::cos(limits.max_normal_angle_rad));
+  const int margin_px = target.margin_px(limits.level);
   std::vector<Match> matches;
   for (const int i : source.samples(limits.level)) {
     const SurfacePoint& from = source.points()[At(i)];
@@ -34,10 +35,10 @@ std::vector<Match> SearchOneWay(const ViewSurface& source, const ViewSurface& ta
     const Eigen::Vector3f normal = R * from.normal;
     // The target's sensor cannot have measured a surface that faces away from it.
     if (!target.FacesSensor(point, normal)) continue;
-    const int nearest = target.Nearest(point, radius);
+    const int nearest = target.Nearest(point, radius, limits.level);
     if (nearest < 0) continue;
     const SurfacePoint& to = target.points()[At(nearest)];
-    if (to.border || !(to.normal.dot(normal) >= min_cosine)) continue;
+    if (to.border_px < margin_px || !(to.normal.dot(normal) >= min_cosine)) continue;
     Match match;
     match.source = i;
     match.target = nearest;
@@ -184,10 +185,15 @@ MatchGeometry ComputeMatch(const ViewPair& pair, const Match& match, bool from_f
   const Eigen::Vector3d normal_second = T_object_second.linear() * second.normal.cast<double>();
   MatchGeometry out;
   out.middle = 0.5 * (point_first + point_second);
-  out.normal = normal_first + normal_second;
-  const double length = out.normal.norm();
-  out.normal /= length;
-  out.difference = (normal_first - normal_second) / length;
+  if (pair.symmetric) {
+    out.normal = normal_first + normal_second;
+    const double length = out.normal.norm();
+    out.normal /= length;
+    out.difference = (normal_first - normal_second) / length;
+  } else {
+    out.normal = from_first ? normal_second : normal_first;
+    out.difference = (normal_first - normal_second) * std::sqrt(0.5);
+  }
   out.residual_m = out.normal.dot(point_first - point_second);
   return out;
 }
@@ -215,6 +221,7 @@ MatchSet MatchViews(const SurfaceSet& set, const std::vector<Transform>& poses,
       ViewPair& pair = out.pairs[At(i)];
       pair.first = pairs[At(i)].first;
       pair.second = pairs[At(i)].second;
+      pair.symmetric = limits.symmetric;
       SetResiduals(pair, true, set, poses);
       SetResiduals(pair, false, set, poses);
       RejectOutliers(pair, limits, ScaleFloor(set));

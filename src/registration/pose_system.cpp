@@ -1,9 +1,7 @@
 #include "fringe_fusion/registration/pose_system.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace fringe_fusion {
@@ -14,8 +12,6 @@ constexpr double kMinRelativeEigenvalue = 1e-7;
 // Smallest share of a direction's information that must not come from noise of the normals.
 constexpr double kMinTrueInformation = 0.5;
 constexpr double kMinPriorSigma = 1e-8;
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 // Middle and radius of the overlap, for a well scaled system.
 struct Extent {
@@ -76,68 +72,6 @@ void DropEmptyDirections(PairInformation& pair, const Matrix6d& noise) {
   pair.information = basis * true_share.asDiagonal() * basis.transpose();
 }
 
-// Inverse right Jacobian of SE(3): Log(Exp(e) Exp(xi)) = e + J xi, to second order in e.
-Matrix6d InverseRightJacobian(const Vector6d& e) {
-  Matrix6d ad = Matrix6d::Zero();
-  ad.topLeftCorner<3, 3>() = Hat(e.head<3>());
-  ad.bottomRightCorner<3, 3>() = Hat(e.head<3>());
-  ad.bottomLeftCorner<3, 3>() = Hat(e.tail<3>());
-  return Matrix6d::Identity() + 0.5 * ad + ad * ad / 12.0;
-}
-
-struct System {
-  Eigen::MatrixXd hessian;
-  Eigen::MatrixXd information;
-  Eigen::VectorXd gradient;
-
-  explicit System(Eigen::Index size)
-      : hessian(Eigen::MatrixXd::Zero(size, size)),
-        information(Eigen::MatrixXd::Zero(size, size)),
-        gradient(Eigen::VectorXd::Zero(size)) {}
-
-  void AddBlock(int row, int column, const Matrix6d& hessian_block,
-                const Matrix6d& information_block) {
-    hessian.block<6, 6>(6 * row, 6 * column) += hessian_block;
-    information.block<6, 6>(6 * row, 6 * column) += information_block;
-  }
-};
-
-void AddPair(const PairInformation& pair, const std::vector<int>& slot,
-             const std::vector<Transform>& poses, double data_scale, System& system) {
-  const std::array<int, 2> slots = {slot[At(pair.first)], slot[At(pair.second)]};
-  const std::array<Matrix6d, 2> G = {pair.S * Adjoint(poses[At(pair.first)]),
-                                     -pair.S * Adjoint(poses[At(pair.second)])};
-  for (std::size_t a = 0; a < 2; ++a) {
-    if (slots[a] < 0) continue;
-    system.gradient.segment<6>(6 * slots[a]) += G[a].transpose() * pair.gradient / data_scale;
-    for (std::size_t b = 0; b < 2; ++b) {
-      if (slots[b] < 0) continue;
-      system.AddBlock(slots[a], slots[b], G[a].transpose() * pair.hessian * G[b] / data_scale,
-                      G[a].transpose() * pair.information * G[b] / data_scale);
-    }
-  }
-}
-
-void AddConstraint(const PoseConstraint& constraint, const Transform& T_object_camera,
-                   const ViewSurface& surface, int slot, System& system) {
-  Matrix6d information = Matrix6d::Zero();
-  if (constraint.has_prior) {
-    const Vector6d e = Log(constraint.T_object_camera_prior.inverse() * T_object_camera);
-    const Matrix6d J = InverseRightJacobian(e);
-    information = J.transpose() * constraint.information * J;
-    system.gradient.segment<6>(6 * slot) += J.transpose() * (constraint.information * e);
-  } else {
-    // Known to within its own size, about its own middle.
-    const double size = std::max(surface.radius_m(), 1e-6);
-    Matrix6d S = Matrix6d::Zero();
-    S.topLeftCorner<3, 3>() = Eigen::Matrix3d::Identity();
-    S.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() / size;
-    S.bottomLeftCorner<3, 3>() = -Hat(surface.centroid()) / size;
-    information = S.transpose() * S;
-  }
-  system.AddBlock(slot, slot, information, information);
-}
-
 }  // namespace
 
 PairInformation SumPair(const ViewPair& pair, const SurfaceSet& set,
@@ -168,44 +102,6 @@ PairInformation SumPair(const ViewPair& pair, const SurfaceSet& set,
   out.S.topLeftCorner<3, 3>() = radius * Eigen::Matrix3d::Identity();
   out.S.bottomLeftCorner<3, 3>() = -Hat(extent.center);
   DropEmptyDirections(out, noise);
-  return out;
-}
-
-Result<PoseStep> SolvePoses(const std::vector<PairInformation>& pairs,
-                            const std::vector<PoseConstraint>& constraints,
-                            const std::vector<Transform>& poses, const SurfaceSet& set,
-                            double data_scale) {
-  std::vector<int> slot(poses.size(), -1);
-  int num_free = 0;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    if (!constraints[i].held) slot[i] = num_free++;
-  }
-  if (num_free == 0) return Fail("registration: all {} poses are held", poses.size());
-  System system(6 * num_free);
-  for (const PairInformation& pair : pairs) AddPair(pair, slot, poses, data_scale, system);
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    if (slot[i] >= 0) AddConstraint(constraints[i], poses[i], set.surfaces[i], slot[i], system);
-  }
-  const Eigen::VectorXd step = -system.hessian.ldlt().solve(system.gradient);
-  const Eigen::MatrixXd covariance = system.information.ldlt().solve(
-      Eigen::MatrixXd::Identity(system.information.rows(), system.information.cols()));
-  if (!step.allFinite() || !covariance.allFinite()) {
-    return Fail("registration: the system of {} poses has no finite solution", num_free);
-  }
-  PoseStep out;
-  // Newton decrement: unlike the marginal covariances it is not blurred by a free common motion.
-  const double decrement = -step.dot(system.gradient);
-  out.size_sigma = std::sqrt(std::max(0.0, decrement) / (6.0 * num_free));
-  for (const int s : slot) {
-    if (s < 0) {
-      out.xi.push_back(Vector6d::Zero());
-      out.covariance.push_back(Matrix6d::Zero());
-      continue;
-    }
-    const Matrix6d block = covariance.block<6, 6>(6 * s, 6 * s);
-    out.xi.push_back(step.segment<6>(6 * s));
-    out.covariance.push_back(0.5 * (block + block.transpose()));
-  }
   return out;
 }
 

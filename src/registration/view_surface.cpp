@@ -12,6 +12,12 @@ namespace fringe_fusion {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+// A neighbour on an oblique surface is several steps away; a jump is many.
+constexpr double kMaxStepRatio = 8.0;
+constexpr int kTargetsPerSample = 3;  // at the coarser levels
+constexpr int kWindowPx = 2;
+constexpr int kMaxWindowPx = 8;
+constexpr int kMaxClimbs = 12;
 
 double Median(std::vector<double>& values) {
   if (values.empty()) return kNan;
@@ -92,13 +98,14 @@ std::vector<int> SampleEvenly(const std::vector<Pixel>& pixels, int width, int m
   return best;
 }
 
-// Borrows the buffer of a vector of points: it stays where it is when its owner is moved.
+// Borrows the buffers of two vectors: they stay where they are when their owner is moved.
 struct PointAdaptor {
   const SurfacePoint* first = nullptr;
+  const int* members = nullptr;
   std::size_t count = 0;
   [[nodiscard]] std::size_t kdtree_get_point_count() const { return count; }
   [[nodiscard]] float kdtree_get_pt(std::size_t i, std::size_t dimension) const {
-    return first[i].point[static_cast<Eigen::Index>(dimension)];
+    return first[members[i]].point[static_cast<Eigen::Index>(dimension)];
   }
   template <typename Box>
   bool kdtree_get_bbox(Box& /*box*/) const {
@@ -128,16 +135,54 @@ class NearestWithin {
   int index_ = -1;
 };
 
+// Chessboard distance to the nearest pixel that is a border or holds no point, up to 255.
+Image<std::uint8_t> BorderDistance(const RangeImage& range) {
+  const double max_step = kMaxStepRatio * PixelStep(range);
+  Image<std::uint8_t> distance(range.width, range.height, 0);
+  ParallelFor(range.height, 16, [&](int begin, int end) {
+    for (int y = begin; y < end; ++y) {
+      for (int x = 0; x < range.width; ++x) {
+        const bool inner = range.points(x, y).allFinite() && !OnBorder(range, x, y, max_step);
+        distance(x, y) = inner ? 255 : 0;
+      }
+    }
+  });
+  const auto relax = [&](int x, int y, int dx, int dy) {
+    const int near = distance.Contains(x + dx, y + dy) ? distance(x + dx, y + dy) + 1 : 1;
+    if (near < distance(x, y)) distance(x, y) = static_cast<std::uint8_t>(near);
+  };
+  for (int y = 0; y < range.height; ++y) {
+    for (int x = 0; x < range.width; ++x) {
+      for (const auto& [dx, dy] : {std::pair(-1, 0), {-1, -1}, {0, -1}, {1, -1}}) {
+        relax(x, y, dx, dy);
+      }
+    }
+  }
+  for (int y = range.height - 1; y >= 0; --y) {
+    for (int x = range.width - 1; x >= 0; --x) {
+      for (const auto& [dx, dy] : {std::pair(1, 0), {1, 1}, {0, 1}, {-1, 1}}) relax(x, y, dx, dy);
+    }
+  }
+  return distance;
+}
+
+bool InSet(PixelSet set, int x, int y) {
+  if (set == PixelSet::kAll) return true;
+  return (x + y) % 2 == (set == PixelSet::kRegistration ? 0 : 1);
+}
+
 }  // namespace
 
 struct ViewSurface::Index {
   using Tree =
       nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
                                           PointAdaptor, 3, int>;
+  std::vector<int> members;
   PointAdaptor adaptor;
   Tree tree;
-  explicit Index(const std::vector<SurfacePoint>& points)
-      : adaptor{points.data(), points.size()},
+  Index(const std::vector<SurfacePoint>& points, std::vector<int> of)
+      : members(std::move(of)),
+        adaptor{points.data(), members.data(), members.size()},
         tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(12)) {}
 };
 
@@ -146,39 +191,66 @@ ViewSurface::ViewSurface(ViewSurface&&) noexcept = default;
 ViewSurface& ViewSurface::operator=(ViewSurface&&) noexcept = default;
 ViewSurface::~ViewSurface() = default;
 
-Result<ViewSurface> ViewSurface::Make(const View& view, PixelSet set, int max_samples) {
+void ViewSurface::AddPoints(const View& view, PixelSet set) {
   const RangeImage& range = view.range;
-  const int parity = set == PixelSet::kRegistration ? 0 : 1;
-  // A neighbour on an oblique surface is several steps away; a jump is many.
-  const double max_step = 8.0 * PixelStep(range);
-  ViewSurface surface;
-  surface.line_of_sight_ = range.line_of_sight;
-  std::vector<Pixel> inner;
+  const Image<std::uint8_t> border_px = BorderDistance(range);
+  line_of_sight_ = range.line_of_sight;
+  projection_ = GridProjection::Fit(range);
+  if (projection_) grid_ = Image<int>(range.width, range.height, -1);
   for (int y = 0; y < range.height; ++y) {
-    for (int x = (y + parity) % 2; x < range.width; x += 2) {
-      if (!range.points(x, y).allFinite()) continue;
+    for (int x = 0; x < range.width; ++x) {
+      if (!InSet(set, x, y) || !range.points(x, y).allFinite()) continue;
       const Eigen::Vector3f& normal = range.normals(x, y);
       if (!(std::abs(normal.squaredNorm() - 1.0F) < 1e-2F)) continue;
       SurfacePoint point;
       point.point = range.points(x, y);
       point.normal = normal.normalized();
       point.variance = NormalVariance(range, x, y);
-      point.border = OnBorder(range, x, y, max_step);
-      if (!point.border) inner.push_back({x, y, static_cast<int>(surface.points_.size())});
-      surface.points_.push_back(point);
+      point.border_px = border_px(x, y);
+      point.border = point.border_px == 0;
+      if (projection_) grid_(x, y) = static_cast<int>(points_.size());
+      pixels_.push_back(y * range.width + x);
+      points_.push_back(point);
     }
   }
-  if (inner.empty()) {
-    return Fail("view {} ({}): none of its {} points has a normal and eight neighbours", view.id,
-                view.name, CountValid(range));
+}
+
+void ViewSurface::AddLevels(int width, int max_samples) {
+  std::vector<Pixel> inner;
+  std::vector<Pixel> all;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const Pixel pixel{pixels_[i] % width, pixels_[i] / width, static_cast<int>(i)};
+    all.push_back(pixel);
+    if (!points_[i].border) inner.push_back(pixel);
   }
-  surface.num_inner_ = static_cast<int>(inner.size());
-  for (int level = 0; level < kNumLevels; ++level) {
+  num_inner_ = static_cast<int>(inner.size());
+  for (std::size_t level = 0; level < kNumLevels; ++level) {
     const int limit = std::max(50, max_samples >> (2 * (kNumLevels - 1 - level)));
-    surface.samples_[static_cast<std::size_t>(level)] =
-        SampleEvenly(inner, range.width, std::min(limit, max_samples));
+    samples_[level] = SampleEvenly(inner, width, std::min(limit, max_samples));
+    const bool finest = level + 1 == kNumLevels;
+    if (finest && projection_) break;
+    std::vector<int> members;
+    if (finest) {
+      for (const Pixel& pixel : all) members.push_back(pixel.point);
+    } else {
+      members = SampleEvenly(all, width, kTargetsPerSample * limit);
+      const double ratio = static_cast<double>(all.size()) / static_cast<double>(members.size());
+      margins_[level] = std::max(1, static_cast<int>(std::lround(0.5 * std::sqrt(ratio))));
+    }
+    indices_[level] = std::make_unique<Index>(points_, std::move(members));
   }
-  surface.index_ = std::make_unique<Index>(surface.points_);
+}
+
+Result<ViewSurface> ViewSurface::Make(const View& view, PixelSet set, int max_samples) {
+  ViewSurface surface;
+  surface.AddPoints(view, set);
+  const bool any = std::any_of(surface.points_.begin(), surface.points_.end(),
+                               [](const SurfacePoint& point) { return !point.border; });
+  if (!any) {
+    return Fail("view {} ({}): none of its {} points has a normal and eight neighbours", view.id,
+                view.name, CountValid(view.range));
+  }
+  surface.AddLevels(view.range.width, max_samples);
   surface.Measure();
   return surface;
 }
@@ -198,23 +270,112 @@ void ViewSurface::Measure() {
   for (const int i : probes) {
     const Eigen::Vector3f& point = points_[static_cast<std::size_t>(i)].point;
     sum += (point.cast<double>() - centroid_).squaredNorm();
-    std::array<int, 2> nearest = {-1, -1};
-    std::array<float, 2> squared = {0.0F, 0.0F};
-    if (index_->tree.knnSearch(point.data(), 2, nearest.data(), squared.data()) == 2) {
-      steps.push_back(std::sqrt(static_cast<double>(squared[1])));
-    }
+    steps.push_back(static_cast<double>(StepAt(i)));
+    const double variance = points_[static_cast<std::size_t>(i)].variance;
+    states_sigma_ = states_sigma_ || variance > 0.0;
   }
   radius_m_ = std::sqrt(sum / static_cast<double>(probes.size()));
+  steps.erase(std::remove_if(steps.begin(), steps.end(), [](double step) { return !(step > 0.0); }),
+              steps.end());
   spacing_m_ = steps.empty() ? 0.0 : Median(steps);
 }
 
-int ViewSurface::Nearest(const Eigen::Vector3f& point_camera, float radius_m) const {
+// Distance from a point to its nearest neighbour; NaN if it has none.
+float ViewSurface::StepAt(int i) const {
+  const Eigen::Vector3f& point = points_[static_cast<std::size_t>(i)].point;
+  if (!projection_) {
+    std::array<int, 2> nearest = {-1, -1};
+    std::array<float, 2> squared = {0.0F, 0.0F};
+    const Index& index = *indices_.back();
+    return index.tree.knnSearch(point.data(), 2, nearest.data(), squared.data()) == 2
+               ? std::sqrt(squared[1])
+               : std::numeric_limits<float>::quiet_NaN();
+  }
+  const int x0 = pixels_[static_cast<std::size_t>(i)] % grid_.width();
+  const int y0 = pixels_[static_cast<std::size_t>(i)] / grid_.width();
+  float best = std::numeric_limits<float>::infinity();
+  for (int y = y0 - kWindowPx; y <= y0 + kWindowPx; ++y) {
+    for (int x = x0 - kWindowPx; x <= x0 + kWindowPx; ++x) {
+      if (!grid_.Contains(x, y) || grid_(x, y) < 0 || grid_(x, y) == i) continue;
+      best = std::min(best, (points_[static_cast<std::size_t>(grid_(x, y))].point - point).norm());
+    }
+  }
+  return best < std::numeric_limits<float>::infinity() ? best
+                                                       : std::numeric_limits<float>::quiet_NaN();
+}
+
+int ViewSurface::BestOf(int x0, int y0, int half, const Eigen::Vector3f& point_camera) const {
+  int best = -1;
+  float best_squared = std::numeric_limits<float>::infinity();
+  const int x_end = std::min(x0 + half, grid_.width() - 1);
+  const int y_end = std::min(y0 + half, grid_.height() - 1);
+  for (int y = std::max(0, y0 - half); y <= y_end; ++y) {
+    const int* row = grid_.row(y);
+    for (int x = std::max(0, x0 - half); x <= x_end; ++x) {
+      if (row[x] < 0) continue;
+      const float squared =
+          (points_[static_cast<std::size_t>(row[x])].point - point_camera).squaredNorm();
+      if (squared < best_squared) {
+        best_squared = squared;
+        best = row[x];
+      }
+    }
+  }
+  return best;
+}
+
+int ViewSurface::NearestOnGrid(const Eigen::Vector3f& point_camera, float radius_m) const {
+  const auto pixel = projection_->Project(point_camera);
+  if (!pixel) return -1;
+  const int x = static_cast<int>(std::lround(pixel->x()));
+  const int y = static_cast<int>(std::lround(pixel->y()));
+  int best = BestOf(x, y, kWindowPx, point_camera);
+  if (best < 0) {  // a hole: look as far as the radius reaches
+    const double reach = spacing_m_ > 0.0 ? static_cast<double>(radius_m) / spacing_m_ : 0.0;
+    const int half = std::min(kMaxWindowPx, static_cast<int>(reach) + 1);
+    if (half > kWindowPx) best = BestOf(x, y, half, point_camera);
+  }
+  if (best < 0) return -1;
+  for (int step = 0; step < kMaxClimbs; ++step) {
+    const int at = pixels_[static_cast<std::size_t>(best)];
+    const int next = BestOf(at % grid_.width(), at / grid_.width(), kWindowPx, point_camera);
+    if (next == best) break;
+    best = next;
+  }
+  const float squared =
+      (points_[static_cast<std::size_t>(best)].point - point_camera).squaredNorm();
+  return squared < radius_m * radius_m ? best : -1;
+}
+
+int ViewSurface::Nearest(const Eigen::Vector3f& point_camera, float radius_m, int level) const {
   const Eigen::Vector3f margin = Eigen::Vector3f::Constant(radius_m);
   if (!((point_camera - lower_ + margin).minCoeff() >= 0.0F)) return -1;
   if (!((upper_ + margin - point_camera).minCoeff() >= 0.0F)) return -1;
+  const std::unique_ptr<Index>& index = indices_[static_cast<std::size_t>(level)];
+  if (!index) return NearestOnGrid(point_camera, radius_m);
   NearestWithin nearest(radius_m * radius_m);
-  index_->tree.findNeighbors(nearest, point_camera.data(), nanoflann::SearchParams());
-  return nearest.index();
+  index->tree.findNeighbors(nearest, point_camera.data(), nanoflann::SearchParams());
+  return nearest.index() < 0 ? -1 : index->members[static_cast<std::size_t>(nearest.index())];
+}
+
+std::optional<float> ViewSurface::InFront(const Eigen::Vector3f& point_camera) const {
+  if (!projection_) return std::nullopt;
+  const auto pixel = projection_->Project(point_camera);
+  if (!pixel) return std::nullopt;
+  const int x0 = static_cast<int>(std::lround(pixel->x()));
+  const int y0 = static_cast<int>(std::lround(pixel->y()));
+  std::optional<float> least;
+  // On an oblique surface the depth changes much within a pixel, at a step by any amount.
+  for (int y = y0 - 1; y <= y0 + 1; ++y) {
+    for (int x = x0 - 1; x <= x0 + 1; ++x) {
+      if (!grid_.Contains(x, y) || grid_(x, y) < 0) continue;
+      const Eigen::Vector3f& measured = points_[static_cast<std::size_t>(grid_(x, y))].point;
+      const float in_front =
+          (point_camera - measured).dot(DirectionToCamera(line_of_sight_, measured));
+      least = least ? std::min(*least, in_front) : in_front;
+    }
+  }
+  return least;
 }
 
 bool ViewSurface::FacesSensor(const Eigen::Vector3f& point_camera,
@@ -237,20 +398,28 @@ Result<SurfaceSet> MakeSurfaces(const std::vector<View>& views, PixelSet set, in
     }
   });
   SurfaceSet out;
-  std::vector<double> known;
   for (std::optional<Result<ViewSurface>>& surface : made) {
     if (!*surface) return Forward(*surface);
-    for (const int i : (*surface)->samples(1)) {
-      const double variance = (*surface)->points()[static_cast<std::size_t>(i)].variance;
-      if (variance > 0.0) known.push_back(variance);
-    }
-    out.max_spacing_m = std::max(out.max_spacing_m, (*surface)->spacing_m());
     out.surfaces.push_back(std::move(**surface));
   }
-  out.sigma_known = !known.empty();
-  const double common = out.sigma_known ? Median(known) : 1.0;
-  for (ViewSurface& surface : out.surfaces) surface.FillUnknownVariance(common);
+  FinishSurfaces(out);
   return out;
+}
+
+void FinishSurfaces(SurfaceSet& set) {
+  std::vector<double> known;
+  for (const ViewSurface& surface : set.surfaces) {
+    if (surface.states_sigma()) {
+      for (const int i : surface.samples(1)) {
+        const double variance = surface.points()[static_cast<std::size_t>(i)].variance;
+        if (variance > 0.0) known.push_back(variance);
+      }
+    }
+    set.max_spacing_m = std::max(set.max_spacing_m, surface.spacing_m());
+  }
+  set.sigma_known = !known.empty();
+  const double common = set.sigma_known ? Median(known) : 1.0;
+  for (ViewSurface& surface : set.surfaces) surface.FillUnknownVariance(common);
 }
 
 }  // namespace fringe_fusion

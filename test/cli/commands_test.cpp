@@ -132,6 +132,31 @@ TEST_F(Commands, RegisterMovesPosesTowardsTheTruth) {
   ExpectSuccess(RunFringe({"fuse", "--views", scan + "/poses.conf", "--out", Path("again.ply")}));
 }
 
+TEST_F(Commands, RegisterWithoutPriorAsksTheShapeAlone) {
+  const std::string scan = CopyScan("unordered");
+  ExpectSuccess(RunFringe({"reconstruct", "--scan", scan, "--view", "0"}));
+  fs::copy_file(scan + "/views/000/range.ply", scan + "/again.ply");
+  Transform far = Transform::Identity();
+  far.linear() = ExpRotation(Eigen::Vector3d(1.0, 0.5, -2.0));
+  far.translation() = Eigen::Vector3d(0.3, -0.2, 0.1);
+  const std::string given = scan + "/far.conf";
+  ASSERT_TRUE(
+      WritePosesConf({{"views/000/range.ply", Transform::Identity()}, {"again.ply", far}}, given));
+  const std::string out = scan + "/near.conf";
+  ExpectSuccess(RunFringe({"register", "--no-prior", "--views", given, "--out", out}));
+  const auto entries = ReadPosesConf(out);
+  ASSERT_TRUE(entries) << entries.error().message;
+  ASSERT_EQ(entries->size(), 2U);
+  const Vector6d apart =
+      Log((*entries)[0].T_object_camera.inverse() * (*entries)[1].T_object_camera);
+  EXPECT_LT(apart.head<3>().norm(), 1e-4);
+  EXPECT_LT(apart.tail<3>().norm(), 5e-5);
+  const Outcome both = RunFringe({"register", "--no-prior", "--prior-sigma-mm", "1",
+                                  "--prior-sigma-deg", "1", "--views", given, "--out", out});
+  EXPECT_NE(both.exit_status, 0);
+  EXPECT_NE(both.err.find("--no-prior"), std::string::npos) << both.err;
+}
+
 TEST_F(Commands, FuseMakesAMeshNearTheTruth) {
   ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("mesh.ply"), "--json",
                            Path("fuse.json"), "--config", Path("config")}));

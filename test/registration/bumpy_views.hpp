@@ -16,7 +16,8 @@ struct BumpyScene {
   int num_views = 6;         ///< evenly on a circle around z
   int width = 96;
   int height = 80;
-  double distance_m = 0.4;  ///< camera to centre
+  double distance_m = 0.4;           ///< camera to centre
+  double elevation_step_rad = 0.25;  ///< of every second view; 0: a turntable about z
   double sigma_range_m = 2e-5;
   double sigma_normal_rad = 0.01;
   double sigma_prior_rotation_rad = 0.05 * M_PI / 180.0;
@@ -115,7 +116,7 @@ inline BumpyGraph MakeBumpyGraph(const BumpyScene& scene) {
   std::mt19937 random(scene.seed);
   BumpyGraph out;
   for (int i = 0; i < scene.num_views; ++i) {
-    const double elevation = 0.2 + 0.25 * (i % 2);
+    const double elevation = 0.2 + scene.elevation_step_rad * (i % 2);
     const Transform T =
         TurntablePose(2.0 * M_PI * i / scene.num_views, elevation, scene.distance_m);
     View view;

@@ -89,7 +89,7 @@ TEST(SolvePoses, WithoutPartnersPriorsPullBackAndHeldViewsStay) {
   Vector6d away;
   away << 1e-3, -2e-3, 1e-3, 1e-4, 2e-4, -1e-4;
   for (Transform& pose : poses) pose = Exp(away);
-  const auto step = SolvePoses({}, constraints, poses, *set, 1.0);
+  const auto step = SolvePoses({}, {constraints, {}, {}}, {poses}, *set, 1.0);
   ASSERT_TRUE(step);
   EXPECT_EQ(step->xi[0].norm(), 0.0);
   EXPECT_LT((step->xi[1] + away).norm(), 1e-9);
@@ -104,7 +104,7 @@ TEST(SolvePoses, FailsWhenEveryPoseIsHeld) {
   const auto set = MakeSurfaces({testing::MakePlaneView({}, 0)}, PixelSet::kRegistration, 1000);
   std::vector<PoseConstraint> constraints(1);
   constraints[0].held = true;
-  const auto step = SolvePoses({}, constraints, {Transform::Identity()}, *set, 1.0);
+  const auto step = SolvePoses({}, {constraints, {}, {}}, {{Transform::Identity()}}, *set, 1.0);
   ASSERT_FALSE(step);
   EXPECT_NE(step.error().message.find("held"), std::string::npos);
 }

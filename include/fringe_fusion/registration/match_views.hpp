@@ -15,6 +15,7 @@ struct MatchLimits {
   double min_overlap_ratio = 0.0;  ///< of the samples of one view, for a pair to count
   int min_correspondences = 6;     ///< at the finest level; coarser levels need their share
   int level = 0;                   ///< of the samples, see ViewSurface::samples
+  bool symmetric = true;           ///< residual along the mean of both normals, not the target's
 };
 
 /// A sample of one view and its partner in the other.
@@ -34,6 +35,7 @@ struct ViewPair {
   std::vector<Match> from_second;  ///< samples of `second`
   double scale = 0.0;              ///< robust standard deviation of `normalized`
   double scale_m = 0.0;            ///< robust standard deviation of `residual_m`
+  bool symmetric = true;           ///< as in MatchLimits
   bool counts = false;             ///< enough overlap to be used
 };
 
@@ -55,8 +57,8 @@ struct PairNumbers {
 /// Residual geometry of one match in the object frame.
 struct MatchGeometry {
   Eigen::Vector3d middle;      ///< between both points [m]
-  Eigen::Vector3d normal;      ///< unit mean of both normals
-  Eigen::Vector3d difference;  ///< half the difference of the normals on the scale of their mean
+  Eigen::Vector3d normal;      ///< unit mean of both normals, or that of the target
+  Eigen::Vector3d difference;  ///< with the covariance of the noise of `normal`
   double residual_m = 0.0;     ///< normal . (point of first - point of second)
 };
 
@@ -69,7 +71,8 @@ struct MatchGeometry {
 /// the radius, not on a border, seen by the other sensor, with a similar normal; then drops
 /// residuals beyond rejection_mad robust standard deviations of the pair and sets the weights.
 /// @param poses T_object_camera of every view of the set.
-/// The residual uses the mean of both normals, which is exact to second order on curved surfaces.
+/// The residual uses the mean of both normals, which is exact to second order on curved surfaces,
+/// or, not symmetric, the normal of the target (point to plane).
 /// Ref: Rusinkiewicz, A symmetric objective function for ICP, 2019, eq. 7.
 [[nodiscard]] MatchSet MatchViews(const SurfaceSet& set, const std::vector<Transform>& poses,
                                   const std::vector<PairNumbers>& pairs, const MatchLimits& limits);

@@ -6,8 +6,8 @@
 
 namespace fringe_fusion {
 
-/// How well the views lie on each other, judged on the half of the pixels that RegisterViews does
-/// not use, neither as samples nor as partners.
+/// How well the views lie on each other, judged on the half of the pixels that RegisterViews with
+/// config.hold_out does not use, neither as samples nor as partners.
 /// @param poses T_object_camera of every view of the graph, in its order.
 /// @param config its search radius, angle and rejection; the same for poses to be compared.
 /// @return rms of the point-to-plane residuals within rejection_mad robust standard deviations [m];

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <optional>
 #include <vector>
 
 #include "fringe_fusion/registration/match_views.hpp"
@@ -36,22 +38,67 @@ struct PoseConstraint {
   Matrix6d information = Matrix6d::Zero();  ///< of the prior, right perturbation
 };
 
-/// One Gauss-Newton step for all poses.
+/// A tie between two views by their numbers.
+struct PoseTie {
+  int first = 0;
+  int second = 0;
+  Transform T_first_second = Transform::Identity();
+  Matrix6d information = Matrix6d::Zero();  ///< right perturbation
+};
+
+/// A device whose mounting is solved for: T_object_camera = T_object_base * motion *
+/// T_flange_camera.
+struct ChainTerm {
+  std::vector<int> views;                   ///< by their numbers
+  std::vector<Transform> motions;           ///< T_base_flange of each
+  Matrix6d information = Matrix6d::Zero();  ///< of a motion, right perturbation
+  PoseConstraint object_base;               ///< `held` is not used
+  PoseConstraint flange_camera;
+};
+
+/// All that ties the poses beside the surfaces.
+struct PoseTerms {
+  std::vector<PoseConstraint> constraints;  ///< one per view
+  std::vector<PoseTie> ties;
+  std::optional<ChainTerm> chain;
+};
+
+/// The unknowns.
+struct PoseState {
+  std::vector<Transform> poses;  ///< T_object_camera
+  Transform T_object_base = Transform::Identity();
+  Transform T_flange_camera = Transform::Identity();
+};
+
+/// Where the state contradicts a device: residual of a prior, a tie or a reading.
+[[nodiscard]] Vector6d TieResidual(const PoseTie& tie, const PoseState& state);
+[[nodiscard]] Vector6d ChainResidual(const ChainTerm& chain, std::size_t reading,
+                                     const PoseState& state);
+/// Information of ChainResidual.
+[[nodiscard]] Matrix6d ChainInformation(const ChainTerm& chain, const PoseState& state);
+
+/// Fits the mountings of a chain to the poses, from 24 starts all around.
+void StartChain(const ChainTerm& chain, PoseState& state);
+
+/// One Gauss-Newton step for all unknowns.
 struct PoseStep {
   std::vector<Vector6d> xi;          ///< right perturbations; zero for held views
   std::vector<Matrix6d> covariance;  ///< of the poses after convergence; zero for held views
+  std::array<Vector6d, 2> xi_chain = {Vector6d::Zero(), Vector6d::Zero()};  ///< base, camera
+  std::array<Matrix6d, 2> covariance_chain = {Matrix6d::Zero(), Matrix6d::Zero()};
   double size_sigma =
       0.0;  ///< rms size of the step in its own standard deviations, all poses joint
 };
 
-/// Solves the joint system of all pairs and priors.
+/// Solves the joint system of all pairs, priors, ties and readings. The latter count fully up to
+/// three standard deviations and ever less beyond, so that one wrong device pose does not bend the
+/// surfaces.
 /// @param data_scale variance factor of all residuals, see MatchSet::scale (squared).
 /// A view without prior is taken to be known to within its own size, which keeps directions that
 /// nothing determines where they are.
 /// @return error when the system has no finite solution.
 [[nodiscard]] Result<PoseStep> SolvePoses(const std::vector<PairInformation>& pairs,
-                                          const std::vector<PoseConstraint>& constraints,
-                                          const std::vector<Transform>& poses,
+                                          const PoseTerms& terms, const PoseState& state,
                                           const SurfaceSet& set, double data_scale);
 
 /// Inverse of a positive semidefinite covariance; directions below 1e-8 rad or m count as 1e-8.

@@ -1,0 +1,213 @@
+#include "registration.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <utility>
+
+#include "fringe_fusion/common/parallel.hpp"
+
+namespace fringe_fusion::internal {
+namespace {
+
+constexpr double kRadPerDeg = M_PI / 180.0;
+// A level ends when the joint step is this small in its own standard deviations ...
+constexpr std::array<double, ViewSurface::kNumLevels> kStopSigma = {1.0, 0.3, 0.03};
+// ... or, for data without noise, moves no point by more than this share of the point spacing.
+constexpr double kStopMotion = 1e-5;
+
+std::size_t At(int i) { return static_cast<std::size_t>(i); }
+
+// Largest distance by which the step moves the middle of a view or a point at its radius.
+double Motion(const PoseStep& step, const SurfaceSet& set) {
+  double motion = 0.0;
+  for (std::size_t i = 0; i < step.xi.size(); ++i) {
+    const Eigen::Vector3d rotation = step.xi[i].head<3>();
+    const Eigen::Vector3d shift = step.xi[i].tail<3>() + rotation.cross(set.surfaces[i].centroid());
+    motion = std::max(motion, shift.norm() + rotation.norm() * set.surfaces[i].radius_m());
+  }
+  return motion;
+}
+
+std::vector<PoseConstraint> MakeConstraints(const ViewGraph& graph, bool use_prior) {
+  const bool any_covariance =
+      std::any_of(graph.views.begin(), graph.views.end(),
+                  [](const View& view) { return view.pose.covariance.norm() > 0.0; });
+  std::vector<PoseConstraint> constraints(graph.views.size());
+  bool any_held = false;
+  for (std::size_t i = 0; i < graph.views.size(); ++i) {
+    const Pose& pose = graph.views[i].pose;
+    const bool stated = pose.covariance.norm() > 0.0;
+    constraints[i].held = any_covariance && !stated;
+    constraints[i].has_prior = use_prior && stated;
+    constraints[i].T_object_camera_prior = pose.T_object_camera;
+    if (constraints[i].has_prior) constraints[i].information = InformationOf(pose.covariance);
+    any_held = any_held || constraints[i].held || constraints[i].has_prior;
+  }
+  // Without any prior the object frame is where the first view says it is.
+  if (!any_held) constraints.front().held = true;
+  return constraints;
+}
+
+PoseConstraint PriorOf(const Mounting& mounting) {
+  PoseConstraint prior;
+  prior.has_prior = mounting.known;
+  prior.T_object_camera_prior = mounting.T;
+  if (mounting.known) prior.information = InformationOf(mounting.covariance);
+  return prior;
+}
+
+}  // namespace
+
+PoseTerms MakeTerms(const ViewGraph& graph, bool use_prior) {
+  PoseTerms terms;
+  terms.constraints = MakeConstraints(graph, use_prior);
+  std::map<int, int> number_of;
+  for (std::size_t i = 0; i < graph.views.size(); ++i) {
+    number_of[graph.views[i].id] = static_cast<int>(i);
+  }
+  for (const ViewTie& tie : graph.ties) {
+    terms.ties.push_back({number_of.at(tie.first), number_of.at(tie.second), tie.T_first_second,
+                          InformationOf(tie.covariance)});
+  }
+  if (!graph.chain) return terms;
+  ChainTerm chain;
+  for (const DeviceChain::Reading& reading : graph.chain->readings) {
+    chain.views.push_back(number_of.at(reading.view));
+    chain.motions.push_back(reading.T_base_flange);
+  }
+  chain.information = InformationOf(graph.chain->covariance);
+  chain.object_base = PriorOf(graph.chain->object_base);
+  chain.flange_camera = PriorOf(graph.chain->flange_camera);
+  terms.chain = std::move(chain);
+  return terms;
+}
+
+PoseState StateOf(const ViewGraph& graph, const PoseTerms& terms) {
+  PoseState state;
+  for (const View& view : graph.views) state.poses.push_back(view.pose.T_object_camera);
+  if (terms.chain) StartChain(*terms.chain, state);
+  return state;
+}
+
+Registration::Registration(const SurfaceSet& set, const RegistrationConfig& config, PoseTerms terms,
+                           PoseState state, std::vector<PairNumbers> pairs)
+    : set_(set),
+      config_(config),
+      terms_(std::move(terms)),
+      state_(std::move(state)),
+      pairs_(std::move(pairs)),
+      radius_m_(config.max_distance_m) {}
+
+Status Registration::Run(const Progress& progress, int first_level) {
+  for (int level = first_level; level < ViewSurface::kNumLevels; ++level) {
+    const int levels_left = ViewSurface::kNumLevels - level;
+    const int budget = (config_.max_iterations - iterations_) / levels_left;
+    if (Status status = RunLevel(level, budget, progress); !status) return status;
+  }
+  return {};
+}
+
+Status Registration::RunLevel(int level, int max_iterations, const Progress& progress) {
+  converged_ = false;
+  for (int i = 0; i < max_iterations && !converged_; ++i) {
+    const double done = static_cast<double>(iterations_) / config_.max_iterations;
+    if (!progress("register", std::min(done, 0.99))) return Fail("{}", kCancelled);
+    if (Status status = Iterate(level); !status) return status;
+  }
+  DropEmptyPairs();
+  return {};
+}
+
+void Registration::Restart(const std::vector<Transform>& poses, double radius_m) {
+  state_.poses = poses;
+  if (terms_.chain) StartChain(*terms_.chain, state_);
+  pairs_ = AllPairs(static_cast<int>(poses.size()));
+  matches_ = {};
+  radius_m_ = radius_m;
+}
+
+double Registration::Residual() const {
+  MatchLimits limits = Limits(1);
+  limits.radius_m = config_.max_distance_m;
+  return MatchViews(set_, state_.poses, AllPairs(static_cast<int>(state_.poses.size())), limits)
+      .rms_m;
+}
+
+MatchLimits Registration::Limits(int level) const {
+  MatchLimits limits;
+  limits.radius_m = radius_m_;
+  limits.max_normal_angle_rad = config_.max_normal_angle_deg * kRadPerDeg;
+  limits.rejection_mad = config_.rejection_mad;
+  limits.min_overlap_ratio = config_.min_overlap_ratio;
+  limits.min_correspondences = config_.min_correspondences;
+  limits.level = level;
+  limits.symmetric = config_.symmetric;
+  return limits;
+}
+
+// One search of partners and one Gauss-Newton step.
+Status Registration::Iterate(int level) {
+  matches_ = MatchViews(set_, state_.poses, pairs_, Limits(level));
+  ++iterations_;
+  information_.assign(matches_.pairs.size(), PairInformation());
+  ParallelFor(static_cast<int>(information_.size()), 1, [&](int begin, int end) {
+    for (int i = begin; i < end; ++i) {
+      information_[At(i)].first = matches_.pairs[At(i)].first;
+      information_[At(i)].second = matches_.pairs[At(i)].second;
+      if (matches_.pairs[At(i)].counts) {
+        information_[At(i)] = SumPair(matches_.pairs[At(i)], set_, state_.poses);
+      }
+    }
+  });
+  const double scale = std::max(ScaleFloor(set_), matches_.scale);
+  data_scale_ = scale * scale;
+  Result<PoseStep> step = SolvePoses(information_, terms_, state_, set_, data_scale_);
+  if (!step) return tl::unexpected<Error>(step.error());
+  step_ = std::move(*step);
+  double motion = Motion(step_, set_);
+  // Partners within the radius say nothing about longer ways.
+  const double shorten = motion > radius_m_ ? radius_m_ / motion : 1.0;
+  motion *= shorten;
+  for (std::size_t i = 0; i < state_.poses.size(); ++i) {
+    if (!terms_.constraints[i].held) state_.poses[i] = state_.poses[i] * Exp(shorten * step_.xi[i]);
+  }
+  state_.T_object_base = state_.T_object_base * Exp(shorten * step_.xi_chain[0]);
+  state_.T_flange_camera = state_.T_flange_camera * Exp(shorten * step_.xi_chain[1]);
+  ShrinkRadius(level, motion);
+  for (std::size_t i = 0; i < pairs_.size(); ++i) pairs_[i].counted = matches_.pairs[i].counts;
+  converged_ = shorten == 1.0 && (step_.size_sigma <= kStopSigma[At(level)] ||
+                                  motion <= kStopMotion * set_.max_spacing_m);
+  return {};
+}
+
+void Registration::ShrinkRadius(int level, double motion_m) {
+  std::vector<double> scales;
+  for (const ViewPair& pair : matches_.pairs) {
+    if (pair.counts) scales.push_back(pair.scale_m);
+  }
+  if (scales.empty()) return;
+  const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
+  std::nth_element(scales.begin(), middle, scales.end());
+  // Nearest points of two grids lie up to about one spacing apart along the surface.
+  double spacing_m = 0.0;
+  for (const ViewSurface& surface : set_.surfaces) {
+    spacing_m = std::max(spacing_m, surface.target_spacing_m(level));
+  }
+  const double needed = 2.5 * spacing_m + 4.0 * *middle + 3.0 * motion_m;
+  radius_m_ = std::min(radius_m_, needed);
+}
+
+void Registration::DropEmptyPairs() {
+  if (matches_.pairs.empty()) return;  // no iteration yet
+  std::vector<PairNumbers> kept;
+  for (const ViewPair& pair : matches_.pairs) {
+    if (!pair.from_first.empty() || !pair.from_second.empty()) {
+      kept.push_back({pair.first, pair.second, pair.counts});
+    }
+  }
+  pairs_ = std::move(kept);
+}
+
+}  // namespace fringe_fusion::internal
