@@ -220,10 +220,10 @@ Transform LookAt(const Eigen::Vector3d& position, const Eigen::Vector3d& target)
   return T_object_camera;
 }
 
-// Unit directions to the cameras: rings of 6, 5 and 3 at 12, 42 and 72 deg above the horizon.
-std::vector<Eigen::Vector3d> CameraDirections() {
+// Unit directions to the cameras.
+std::vector<Eigen::Vector3d> CameraDirections(const ProofCameras& cameras) {
   std::vector<Eigen::Vector3d> directions;
-  for (const auto& [count, elevation_deg] : {std::pair(6, 12.0), {5, 42.0}, {3, 72.0}}) {
+  for (const auto& [count, elevation_deg] : cameras.rings) {
     for (int i = 0; i < count; ++i) {
       const double azimuth = kTwoPi * (i + 0.3 * count) / count;
       const double elevation = elevation_deg * M_PI / 180.0;
@@ -295,17 +295,17 @@ Result<Mesh> MakeProofObject(const std::string& name_or_path) {
   return ReadMesh(name_or_path);
 }
 
-Result<ProofScene> RenderProof(Mesh truth, double sigma_m) {
+Result<ProofScene> RenderProof(Mesh truth, double sigma_m, const ProofCameras& cameras) {
   const Result<sim::RayScene> scene = sim::RayScene::Create(truth, Mesh{});
   if (!scene) return Forward(scene);
   const Bounds bounds = BoundsOf(truth);
   ProofScene proof;
   proof.truth = std::move(truth);
-  proof.image_px = 520;
+  proof.image_px = cameras.image_px;
   // The ball around the object fills the image from five radii away.
   proof.focal_px = 0.5 * proof.image_px * std::sqrt(24.0);
   int id = 0;
-  for (const Eigen::Vector3d& direction : CameraDirections()) {
+  for (const Eigen::Vector3d& direction : CameraDirections(cameras)) {
     const Eigen::Vector3d position = bounds.center + 5.0 * bounds.radius_m * direction;
     proof.views.push_back(
         RenderView(*scene, proof, LookAt(position, bounds.center), id++, sigma_m));

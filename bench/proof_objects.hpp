@@ -30,10 +30,21 @@ struct ProofScene {
   int image_px = 0;  ///< width and height
 };
 
+/// Where the cameras stand: rings around the vertical, five radii away, one after another.
+struct CameraRing {
+  int count = 0;
+  double elevation_deg = 0.0;
+};
+struct ProofCameras {
+  std::vector<CameraRing> rings{{6, 12.0}, {5, 42.0}, {3, 72.0}};
+  int image_px = 520;  ///< width and height
+};
+
 /// Renders the views: noise along the ray of `sigma_m`, nothing seen from below, no point where a
 /// ray meets the inner side of a face.
 /// @return error when the object is not usable.
-[[nodiscard]] Result<ProofScene> RenderProof(Mesh truth, double sigma_m);
+[[nodiscard]] Result<ProofScene> RenderProof(Mesh truth, double sigma_m,
+                                             const ProofCameras& cameras = {});
 
 /// Points spread evenly on a mesh, with the normals of their faces.
 struct SurfacePoints {
