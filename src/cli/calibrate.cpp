@@ -22,34 +22,32 @@ struct CalibrateOptions {
   bool force = false;
 };
 
-void Declare(CLI::App& command, CalibrateOptions& options) {
-  auto* dataset =
+void Declare(Command& command, CalibrateOptions& options) {
+  const Option dataset =
       command
-          .add_option("--dataset", options.dataset,
-                      "Scan folder whose views are poses of the target; needs no cell.yaml")
-          ->type_name("SCAN/");
-  command.add_option("--target", options.target, "Description of the target")
-      ->needs(dataset)
-      ->type_name("TARGET.yaml");
+          .AddOption("--dataset", options.dataset,
+                     "Scan folder whose views are poses of the target; needs no cell.yaml")
+          .TypeName("SCAN/");
+  command.AddOption("--target", options.target, "Description of the target")
+      .Needs(dataset)
+      .TypeName("TARGET.yaml");
   command
-      .add_option("--sightings", options.sightings,
-                  "Instead of a data set: points that were seen before")
-      ->excludes(dataset)
-      ->type_name("SIGHTINGS.yaml");
+      .AddOption("--sightings", options.sightings,
+                 "Instead of a data set: points that were seen before")
+      .Excludes(dataset)
+      .TypeName("SIGHTINGS.yaml");
   command
-      .add_option("--save-sightings", options.save_sightings,
-                  "Write the points that were seen, to solve again without pictures")
-      ->type_name("SIGHTINGS.yaml");
-  command.add_option("--out", options.out, "Calibration to write")
-      ->required()
-      ->type_name("CELL.yaml");
+      .AddOption("--save-sightings", options.save_sightings,
+                 "Write the points that were seen, to solve again without pictures")
+      .TypeName("SIGHTINGS.yaml");
+  command.AddOption("--out", options.out, "Calibration to write").Required().TypeName("CELL.yaml");
   command
-      .add_option(
+      .AddOption(
           "--camera-info", options.camera_info,
           "Folder for camera.yaml and projector.yaml as camera_info_manager of ROS loads them")
-      ->type_name("DIR");
-  command.add_flag("--force", options.force,
-                   "Write a calibration that the verdict rejects; else an earlier one stays");
+      .TypeName("DIR");
+  command.AddFlag("--force", options.force,
+                  "Write a calibration that the verdict rejects; else an earlier one stays");
 }
 
 /// What the pictures gave, and the views that gave nothing.

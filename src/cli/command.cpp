@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 
@@ -50,16 +51,6 @@ Status CheckConfigFolder(const std::string& folder) {
               unknown.front(), fmt::join(kStageFiles, ".yaml "));
 }
 
-CLI::Validator AtLeastZero() {
-  return CLI::Validator(
-      [](const std::string& text) {
-        double value = 0.0;
-        const bool is_valid = CLI::detail::lexical_cast(text, value) && value >= 0.0;
-        return is_valid ? std::string() : fmt::format("{} must be >= 0", text);
-      },
-      ">= 0");
-}
-
 bool Session::StatesKey(const std::string& stage, const std::string& key) const {
   if (!HasStage(stage)) return false;
   try {
@@ -70,25 +61,29 @@ bool Session::StatesKey(const std::string& stage, const std::string& key) const 
   }
 }
 
-void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config) {
-  command.add_option("--json", options.json_file, "Write the figures of the run to this file")
-      ->type_name("FILE");
-  if (has_config) {
+namespace {
+
+/// --json, --config (where the command has none of its own), --threads and --quiet.
+void DeclareCommon(Command& command, CommonOptions& options) {
+  command.AddOption("--json", options.json_file, "Write the figures of the run to this file")
+      .TypeName("FILE");
+  if (!command.HasOption("--config")) {
     command
-        .add_option(
+        .AddOption(
             "--config", options.config_folder,
             "Folder with settings: each stage reads its <stage>.yaml there, if present; keys "
             "that it does not have keep their defaults (default: the folder settings/ of the "
             "scan, where there is a scan)")
-        ->type_name("DIR");
+        .TypeName("DIR");
   }
-  command.add_option("--threads", options.threads, "Threads to use, 0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->type_name("N")
-      ->capture_default_str();
-  command.add_flag("--quiet", options.quiet, "No progress on stderr");
+  command.AddOption("--threads", options.threads, "Threads to use, 0: all cores")
+      .InRange(0, 1024)
+      .TypeName("N")
+      .ShowDefault();
+  command.AddFlag("--quiet", options.quiet, "No progress on stderr");
 }
 
+/// Runs the body of a command under the common options and writes its figures.
 Status RunBody(const std::string& name, const CommonOptions& options,
                const std::function<Status(Session&)>& body) {
   if (!options.config_folder.empty() && !std::filesystem::is_directory(options.config_folder)) {
@@ -109,6 +104,25 @@ Status RunBody(const std::string& name, const CommonOptions& options,
   for (const auto& [step, value] : session.console.seconds()) seconds.Set(step, value);
   session.figures.Set("seconds", seconds);
   return WriteJson(session.figures, options.json_file);
+}
+
+}  // namespace
+
+Tool::Tool() : app(std::make_unique<CLI::App>()) {}
+Tool::~Tool() = default;
+
+void AddCommand(Tool& tool, const std::string& name, const std::string& description,
+                const std::function<void(Command&)>& declare,
+                std::function<Status(Session&)> body) {
+  CLI::App* app = tool.app->add_subcommand(name, description);
+  Command command(*app);
+  const auto common = std::make_shared<CommonOptions>();
+  declare(command);
+  DeclareCommon(command, *common);
+  app->callback([&tool, name, common, body = std::move(body)] {
+    tool.command = name;
+    tool.outcome = RunBody(name, *common, body);
+  });
 }
 
 Status CheckOutputFile(const std::string& path, const std::vector<std::string>& extensions) {

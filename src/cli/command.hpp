@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -11,6 +10,7 @@
 #include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/io/config_yaml.hpp"
 #include "json.hpp"
+#include "options.hpp"
 
 namespace fringe_fusion::cli {
 
@@ -62,41 +62,33 @@ class Session {
 
 /// The command line and how its command ended.
 struct Tool {
-  CLI::App app;
+  Tool();
+  ~Tool();
+
+  std::unique_ptr<CLI::App> app;
   std::string command;  ///< that ran
   Status outcome;
 };
-
-/// Adds --json, --config, --threads and --quiet. @param has_config whether --config is one of them.
-void DeclareCommon(CLI::App& command, CommonOptions& options, bool has_config);
 
 /// Checks the names of the .yaml files in a folder of settings: a misspelt one would be ignored.
 /// @return error naming the file and the names that are read.
 [[nodiscard]] Status CheckConfigFolder(const std::string& folder);
 
-/// Check of an option that is a number of at least 0.
-[[nodiscard]] CLI::Validator AtLeastZero();
+/// Adds a command with its own options and the common ones.
+/// @param body does its work, under the common options; its figures are written.
+void AddCommand(Tool& tool, const std::string& name, const std::string& description,
+                const std::function<void(Command&)>& declare, std::function<Status(Session&)> body);
 
-/// Runs the body of a command under the common options and writes its figures.
-[[nodiscard]] Status RunBody(const std::string& name, const CommonOptions& options,
-                             const std::function<Status(Session&)>& body);
-
-/// Adds one command to the tool.
-/// @param declare adds its options. @param run does its work.
+/// @param declare adds the options of the command. @param run does its work.
 template <typename Options>
 void AddCommand(Tool& tool, const std::string& name, const std::string& description,
-                void (*declare)(CLI::App&, Options&),
+                void (*declare)(Command&, Options&),
                 Status (*run)(const Options& options, Session& session)) {
-  CLI::App* command = tool.app.add_subcommand(name, description);
-  // The parser keeps references to the options until the callback ran.
+  // The parser keeps references to the options until the command ran.
   const auto options = std::make_shared<Options>();
-  const auto common = std::make_shared<CommonOptions>();
-  declare(*command, *options);
-  DeclareCommon(*command, *common, command->get_option_no_throw("--config") == nullptr);
-  command->callback([&tool, name, options, common, run] {
-    tool.command = name;
-    tool.outcome = RunBody(name, *common, [&](Session& session) { return run(*options, session); });
-  });
+  AddCommand(
+      tool, name, description, [&](Command& command) { declare(command, *options); },
+      [options, run](Session& session) { return run(*options, session); });
 }
 
 /// Checks before the work that a file can be written in the end.

@@ -13,14 +13,14 @@ struct DiagnoseOptions {
   bool strict = false;
 };
 
-void Declare(CLI::App& command, DiagnoseOptions& options) {
-  command.add_option("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
-      ->required()
-      ->type_name("SCAN/");
-  command.add_option("--view", options.view, "Only this view (default: all)")
-      ->check(AtLeastZero())
-      ->type_name("K");
-  command.add_flag("--strict", options.strict, "A finding is an error (exit status 1)");
+void Declare(Command& command, DiagnoseOptions& options) {
+  command.AddOption("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
+      .Required()
+      .TypeName("SCAN/");
+  command.AddOption("--view", options.view, "Only this view (default: all)")
+      .AtLeastZero()
+      .TypeName("K");
+  command.AddFlag("--strict", options.strict, "A finding is an error (exit status 1)");
 }
 
 Status Diagnose(const DiagnoseOptions& options, Session& session) {

@@ -24,39 +24,39 @@ struct FuseOptions {
   double max_hole_mm = 0.0;
 };
 
-void Declare(CLI::App& command, FuseOptions& options) {
+void Declare(Command& command, FuseOptions& options) {
   DeclareViews(command, options.views);
-  command.add_option("--out", options.out, "Mesh to write: .ply, .stl or .obj")
-      ->required()
-      ->type_name("MESH.ply");
+  command.AddOption("--out", options.out, "Mesh to write: .ply, .stl or .obj")
+      .Required()
+      .TypeName("MESH.ply");
   command
-      .add_option("--model", options.model,
-                  "Save the implicit model too; --views MODEL.vdb makes a mesh of it again")
-      ->type_name("MODEL.vdb");
+      .AddOption("--model", options.model,
+                 "Save the implicit model too; --views MODEL.vdb makes a mesh of it again")
+      .TypeName("MODEL.vdb");
   command
-      .add_option(
-          "--method", options.method,
-          "gie: generalised implicit equation; rbf: variational surface of radial functions")
-      ->check(CLI::IsMember({"gie", "rbf"}))
-      ->capture_default_str();
+      .AddOption("--method", options.method,
+                 "gie: generalised implicit equation; rbf: variational surface of radial functions")
+      .OneOf({"gie", "rbf"})
+      .ShowDefault();
   command
-      .add_option(
+      .AddOption(
           "--voxel", options.voxel_m,
           "Edge of a voxel [m] (default: voxel_m where fusion.yaml of --config states it, else "
           "the spacing of the points)")
-      ->check(CLI::Range(1e-6, 10.0))
-      ->type_name("M");
-  CLI::Option* fill = command.add_flag(
+      .InRange(1e-6, 10.0)
+      .TypeName("M");
+  const Option fill = command.AddFlag(
       "--fill-holes", options.fill_holes,
       "Close holes where no sensor saw that space is empty; their faces are flagged `filled`");
-  command
-      .add_option("--max-hole-mm", options.max_hole_mm,
-                  "Larger holes stay open (default: max_hole_m of fill.yaml)")
-      ->check(CLI::Range(1e-3, 1e5))
-      ->needs(fill)
-      ->type_name("MM");
-  command.add_flag("--watertight", options.watertight, "Close all holes, whatever their size")
-      ->excludes("--max-hole-mm");
+  const Option max_hole =
+      command
+          .AddOption("--max-hole-mm", options.max_hole_mm,
+                     "Larger holes stay open (default: max_hole_m of fill.yaml)")
+          .InRange(1e-3, 1e5)
+          .Needs(fill)
+          .TypeName("MM");
+  command.AddFlag("--watertight", options.watertight, "Close all holes, whatever their size")
+      .Excludes(max_hole);
 }
 
 /// Closes the holes of a field, if that was asked for.

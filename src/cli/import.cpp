@@ -34,63 +34,63 @@ struct ImportOptions {
   bool list = false;
 };
 
-void Declare(CLI::App& command, ImportOptions& options) {
-  command.add_option("--bag", options.bag, "Recorded bag")->type_name("FILE");
+void Declare(Command& command, ImportOptions& options) {
+  command.AddOption("--bag", options.bag, "Recorded bag").TypeName("FILE");
   command
-      .add_option("--calibration", options.calibration,
-                  "Instead of a bag: a calibration of sltk, slstudio or procam-calibration (OpenCV "
-                  "YAML or XML, mm); --out is the cell.yaml to write")
-      ->type_name("FILE");
+      .AddOption("--calibration", options.calibration,
+                 "Instead of a bag: a calibration of sltk, slstudio or procam-calibration (OpenCV "
+                 "YAML or XML, mm); --out is the cell.yaml to write")
+      .TypeName("FILE");
   command
-      .add_option("--camera-size", options.camera_size,
-                  "Size of the camera, where the calibration does not state it")
-      ->type_name("WxH");
+      .AddOption("--camera-size", options.camera_size,
+                 "Size of the camera, where the calibration does not state it")
+      .TypeName("WxH");
   command
-      .add_option("--projector-size", options.projector_size,
-                  "Size of the projector, where the calibration does not state it")
-      ->type_name("WxH");
+      .AddOption("--projector-size", options.projector_size,
+                 "Size of the projector, where the calibration does not state it")
+      .TypeName("WxH");
   command
-      .add_option("--out", options.out,
-                  "Scan folder to write; with --cloud: the cloud, .ply or .pcd")
-      ->type_name("SCAN/|CLOUD.ply");
+      .AddOption("--out", options.out,
+                 "Scan folder to write; with --cloud: the cloud, .ply or .pcd")
+      .TypeName("SCAN/|CLOUD.ply");
   command
-      .add_option("--cloud", options.cloud,
-                  "Write the first sensor_msgs/PointCloud2 of this topic instead of a scan")
-      ->type_name("TOPIC");
-  command.add_flag("--list", options.list, "Print the topics of the bag and stop");
+      .AddOption("--cloud", options.cloud,
+                 "Write the first sensor_msgs/PointCloud2 of this topic instead of a scan")
+      .TypeName("TOPIC");
+  command.AddFlag("--list", options.list, "Print the topics of the bag and stop");
   command
-      .add_option("--scan-id", options.scan_id,
-                  "Which scan to import; needed when the bag has several")
-      ->type_name("ID");
+      .AddOption("--scan-id", options.scan_id,
+                 "Which scan to import; needed when the bag has several")
+      .TypeName("ID");
   command
-      .add_option("--frames", options.frames_topic,
-                  "Topic of the frames (default: the only one that ends in frames)")
-      ->type_name("TOPIC");
+      .AddOption("--frames", options.frames_topic,
+                 "Topic of the frames (default: the only one that ends in frames)")
+      .TypeName("TOPIC");
   command
-      .add_option("--camera-info", options.camera_info_topic,
-                  "Topic (default: the only one that ends in camera_info)")
-      ->type_name("TOPIC");
+      .AddOption("--camera-info", options.camera_info_topic,
+                 "Topic (default: the only one that ends in camera_info)")
+      .TypeName("TOPIC");
   command
-      .add_option("--projector-info", options.projector_info_topic,
-                  "Topic (default: the only one that ends in projector_info)")
-      ->type_name("TOPIC");
+      .AddOption("--projector-info", options.projector_info_topic,
+                 "Topic (default: the only one that ends in projector_info)")
+      .TypeName("TOPIC");
   command
-      .add_option("--object-frame", options.object_frame,
-                  "tf frame of the part; without it in tf the views get no prior pose")
-      ->type_name("FRAME")
-      ->capture_default_str();
+      .AddOption("--object-frame", options.object_frame,
+                 "tf frame of the part; without it in tf the views get no prior pose")
+      .TypeName("FRAME")
+      .ShowDefault();
   command
-      .add_option("--prior-sigma-mm", options.prior_sigma_mm,
-                  "Standard deviation of the positions in tf [mm]")
-      ->check(CLI::Range(0.0, 1e6))
-      ->type_name("MM")
-      ->capture_default_str();
+      .AddOption("--prior-sigma-mm", options.prior_sigma_mm,
+                 "Standard deviation of the positions in tf [mm]")
+      .InRange(0.0, 1e6)
+      .TypeName("MM")
+      .ShowDefault();
   command
-      .add_option("--prior-sigma-deg", options.prior_sigma_deg,
-                  "Standard deviation of the rotations in tf [deg]")
-      ->check(CLI::Range(0.0, 180.0))
-      ->type_name("DEG")
-      ->capture_default_str();
+      .AddOption("--prior-sigma-deg", options.prior_sigma_deg,
+                 "Standard deviation of the rotations in tf [deg]")
+      .InRange(0.0, 180.0)
+      .TypeName("DEG")
+      .ShowDefault();
 }
 
 /// Pose of the camera when the first frame of a stack was taken.

@@ -26,33 +26,33 @@ struct InspectOptions {
   double limit_mm = 0.0;
 };
 
-void Declare(CLI::App& command, InspectOptions& options) {
-  const auto units = CLI::IsMember({"m", "mm"});
-  command.add_option("--mesh", options.mesh, "Mesh or cloud to inspect: .ply, .stl, .obj, .pcd")
-      ->required()
-      ->type_name("MESH.ply");
-  command.add_option("--reference", options.reference, "Reference mesh in the same frame")
-      ->required()
-      ->type_name("REF.ply|.stl|.obj");
-  command.add_option("--unit", options.unit, "Unit of the reference")->required()->check(units);
-  command.add_option("--mesh-unit", options.mesh_unit, "Unit of the inspected mesh")
-      ->check(units)
-      ->capture_default_str();
+void Declare(Command& command, InspectOptions& options) {
+  const std::vector<std::string> units = {"m", "mm"};
+  command.AddOption("--mesh", options.mesh, "Mesh or cloud to inspect: .ply, .stl, .obj, .pcd")
+      .Required()
+      .TypeName("MESH.ply");
+  command.AddOption("--reference", options.reference, "Reference mesh in the same frame")
+      .Required()
+      .TypeName("REF.ply|.stl|.obj");
+  command.AddOption("--unit", options.unit, "Unit of the reference").Required().OneOf(units);
+  command.AddOption("--mesh-unit", options.mesh_unit, "Unit of the inspected mesh")
+      .OneOf(units)
+      .ShowDefault();
   command
-      .add_option("--visible", options.visible,
-                  "Which faces of the reference the cell could see: a mesh of just those (truth/"
-                  "visible.ply of a simulated scan), or .txt with 0 or 1 per face; the reference "
-                  "counts only there")
-      ->type_name("FILE");
+      .AddOption("--visible", options.visible,
+                 "Which faces of the reference the cell could see: a mesh of just those (truth/"
+                 "visible.ply of a simulated scan), or .txt with 0 or 1 per face; the reference "
+                 "counts only there")
+      .TypeName("FILE");
   command
-      .add_option("--report", options.report,
-                  "Write report.html, deviation.png and deviation.ply to this folder")
-      ->type_name("DIR");
+      .AddOption("--report", options.report,
+                 "Write report.html, deviation.png and deviation.ply to this folder")
+      .TypeName("DIR");
   command
-      .add_option("--limit-mm", options.limit_mm,
-                  "Ends of the colour scale [mm] (default: three times the 95 % deviation)")
-      ->check(CLI::Range(1e-6, 1e6))
-      ->type_name("MM");
+      .AddOption("--limit-mm", options.limit_mm,
+                 "Ends of the colour scale [mm] (default: three times the 95 % deviation)")
+      .InRange(1e-6, 1e6)
+      .TypeName("MM");
 }
 
 double UnitMetres(const std::string& unit) { return unit == "mm" ? 1e-3 : 1.0; }

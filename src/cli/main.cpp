@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <exception>
 #include <string>
@@ -22,16 +23,16 @@ void PrintError(const std::string& command, std::string message) {
 }
 
 void Describe(Tool& tool) {
-  tool.app.name("fringe");
-  tool.app.description(
+  tool.app->name("fringe");
+  tool.app->description(
       "Structured-light scanning on files: the same input and settings give the same bytes on any "
       "number of threads.");
-  tool.app.footer(
+  tool.app->footer(
       "Lengths in files are metres unless an option says otherwise. Errors go to stderr in one "
       "line;\nthe exit status is 0 on success, 1 on bad data, 2 on a bad command line, 130 when "
       "interrupted.");
-  tool.app.set_version_flag("--version", "fringe_fusion " FRINGE_FUSION_VERSION);
-  tool.app.require_subcommand(1);
+  tool.app->set_version_flag("--version", "fringe_fusion " FRINGE_FUSION_VERSION);
+  tool.app->require_subcommand(1);
   AddPatterns(tool);
   AddTarget(tool);
   AddCalibrate(tool);
@@ -53,7 +54,7 @@ void Describe(Tool& tool) {
 
 /// The command that was being read when the command line turned out wrong; "" before any.
 std::string CommandBeingRead(const Tool& tool) {
-  const std::vector<CLI::App*> commands = tool.app.get_subcommands();
+  const std::vector<CLI::App*> commands = tool.app->get_subcommands();
   return commands.empty() ? "" : commands.front()->get_name();
 }
 
@@ -62,7 +63,7 @@ std::string UsageError(const Tool& tool, const CLI::ParseError& error, int argc,
   const bool names_command = argc > 1 && argv[1][0] != '-' && argv[1][0] != '\0';
   if (!CommandBeingRead(tool).empty() || !names_command) return error.what();
   std::vector<std::string> names;
-  for (const CLI::App* command : tool.app.get_subcommands({})) {
+  for (const CLI::App* command : tool.app->get_subcommands({})) {
     names.push_back(command->get_name());
   }
   return fmt::format("unknown command '{}', must be one of {}", argv[1], fmt::join(names, " "));
@@ -73,9 +74,9 @@ int Run(int argc, char** argv) {
   Tool tool;
   Describe(tool);
   try {
-    tool.app.parse(argc, argv);
+    tool.app->parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return tool.app.exit(error);  // --help, --version
+    if (error.get_exit_code() == 0) return tool.app->exit(error);  // --help, --version
     PrintError(CommandBeingRead(tool), UsageError(tool, error, argc, argv));
     return kUsage;
   } catch (const std::exception& error) {

@@ -24,28 +24,28 @@ struct PatternsOptions {
   bool test_exposures = false;
 };
 
-void Declare(CLI::App& command, PatternsOptions& options) {
+void Declare(Command& command, PatternsOptions& options) {
   command
-      .add_option("--cell", options.cell,
-                  "Calibration whose projector gives the size of the pictures")
-      ->type_name("CELL.yaml");
-  command.add_option("--size", options.size, "Size of the projector, instead of --cell")
-      ->type_name("WxH");
+      .AddOption("--cell", options.cell,
+                 "Calibration whose projector gives the size of the pictures")
+      .TypeName("CELL.yaml");
+  command.AddOption("--size", options.size, "Size of the projector, instead of --cell")
+      .TypeName("WxH");
   command
-      .add_option("--patterns", options.patterns,
-                  "Show the frames of this file instead of those of pattern.yaml")
-      ->type_name("PATTERNS.yaml");
+      .AddOption("--patterns", options.patterns,
+                 "Show the frames of this file instead of those of pattern.yaml")
+      .TypeName("PATTERNS.yaml");
   command
-      .add_option("--ramp", options.ramp,
-                  "Flat pictures of N values from 0 to 255 instead, ramp_VVV.png, for `fringe "
-                  "response --ramp`")
-      ->check(CLI::Range(3, 256))
-      ->type_name("N");
-  command.add_flag("--test-exposures", options.test_exposures,
-                   "The test exposures of `fringe suggest` instead; needs --cell");
-  command.add_option("--out", options.out, "Folder for patterns.yaml and the pictures")
-      ->required()
-      ->type_name("DIR");
+      .AddOption("--ramp", options.ramp,
+                 "Flat pictures of N values from 0 to 255 instead, ramp_VVV.png, for `fringe "
+                 "response --ramp`")
+      .InRange(3, 256)
+      .TypeName("N");
+  command.AddFlag("--test-exposures", options.test_exposures,
+                  "The test exposures of `fringe suggest` instead; needs --cell");
+  command.AddOption("--out", options.out, "Folder for patterns.yaml and the pictures")
+      .Required()
+      .TypeName("DIR");
 }
 
 struct Size {

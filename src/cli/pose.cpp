@@ -39,17 +39,17 @@ struct PoseResult {
   Drift drift;
 };
 
-void Declare(CLI::App& command, PoseOptions& options) {
-  command.add_option("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
-      ->required()
-      ->type_name("SCAN/");
-  command.add_option("--view", options.view, "Only this view (default: all)")
-      ->check(AtLeastZero())
-      ->type_name("K");
+void Declare(Command& command, PoseOptions& options) {
+  command.AddOption("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
+      .Required()
+      .TypeName("SCAN/");
+  command.AddOption("--view", options.view, "Only this view (default: all)")
+      .AtLeastZero()
+      .TypeName("K");
   command
-      .add_option("--out", options.out,
-                  "Write report.html, pictures of the residuals and cell.yaml with the pose found")
-      ->type_name("DIR");
+      .AddOption("--out", options.out,
+                 "Write report.html, pictures of the residuals and cell.yaml with the pose found")
+      .TypeName("DIR");
 }
 
 Result<PoseSettings> LoadSettings(const Session& session) {

@@ -19,15 +19,15 @@ struct ReconstructOptions {
   int view = -1;
 };
 
-void Declare(CLI::App& command, ReconstructOptions& options) {
-  command.add_option("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
-      ->required()
-      ->type_name("SCAN/");
-  command.add_option("--view", options.view, "Only this view (default: all)")
-      ->check(AtLeastZero())
-      ->type_name("K");
-  command.add_option("--out", options.out, "Write below this folder instead of the scan folder")
-      ->type_name("DIR");
+void Declare(Command& command, ReconstructOptions& options) {
+  command.AddOption("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
+      .Required()
+      .TypeName("SCAN/");
+  command.AddOption("--view", options.view, "Only this view (default: all)")
+      .AtLeastZero()
+      .TypeName("K");
+  command.AddOption("--out", options.out, "Write below this folder instead of the scan folder")
+      .TypeName("DIR");
 }
 
 /// The scan as a place to write to.

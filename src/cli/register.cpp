@@ -24,29 +24,31 @@ struct RegisterOptions {
   bool no_prior = false;
 };
 
-void Declare(CLI::App& command, RegisterOptions& options) {
+void Declare(Command& command, RegisterOptions& options) {
   DeclareViews(command, options.views);
-  command.add_option("--out", options.out, "Registered poses, files relative to it")
-      ->required()
-      ->type_name("POSES.conf");
-  auto* mm = command
-                 .add_option("--prior-sigma-mm", options.prior_sigma_mm,
-                             "Standard deviation of the given positions of a POSES.conf [mm]; "
-                             "without it the first view is held and all others are free")
-                 ->check(CLI::Range(1e-6, 1e6))
-                 ->type_name("MM");
-  auto* deg = command
-                  .add_option("--prior-sigma-deg", options.prior_sigma_deg,
-                              "Standard deviation of the given rotations of a POSES.conf [deg]")
-                  ->check(CLI::Range(1e-6, 180.0))
-                  ->type_name("DEG");
-  mm->needs(deg);
-  deg->needs(mm);
+  command.AddOption("--out", options.out, "Registered poses, files relative to it")
+      .Required()
+      .TypeName("POSES.conf");
+  const Option mm =
+      command
+          .AddOption("--prior-sigma-mm", options.prior_sigma_mm,
+                     "Standard deviation of the given positions of a POSES.conf [mm]; "
+                     "without it the first view is held and all others are free")
+          .InRange(1e-6, 1e6)
+          .TypeName("MM");
+  const Option deg =
+      command
+          .AddOption("--prior-sigma-deg", options.prior_sigma_deg,
+                     "Standard deviation of the given rotations of a POSES.conf [deg]")
+          .InRange(1e-6, 180.0)
+          .TypeName("DEG");
+  mm.Needs(deg);
+  deg.Needs(mm);
   command
-      .add_flag("--no-prior,--unordered", options.no_prior,
-                "Ignore all given poses: the views assemble themselves by their shape, in the "
-                "camera frame of the first one. Views that fit to none are reported and left out")
-      ->excludes(mm);
+      .AddFlag("--no-prior,--unordered", options.no_prior,
+               "Ignore all given poses: the views assemble themselves by their shape, in the "
+               "camera frame of the first one. Views that fit to none are reported and left out")
+      .Excludes(mm);
 }
 
 /// Files of the views, relative to the folder of the new POSES.conf. Views of a scan that were

@@ -29,35 +29,31 @@ struct ResponseOptions {
   double noise_ratio = 0.0;
 };
 
-void Declare(CLI::App& command, ResponseOptions& options) {
+void Declare(Command& command, ResponseOptions& options) {
   command
-      .add_option(
-          "--scan", options.scan,
-          "Scan with white, black and phase sets, taken with patterns in which no gamma was "
-          "undone")
-      ->type_name("SCAN/");
-  command.add_option("--view", options.view, "View of the scan (default: the first)")
-      ->check(AtLeastZero())
-      ->type_name("K");
+      .AddOption("--scan", options.scan,
+                 "Scan with white, black and phase sets, taken with patterns in which no gamma was "
+                 "undone")
+      .TypeName("SCAN/");
+  command.AddOption("--view", options.view, "View of the scan (default: the first)")
+      .AtLeastZero()
+      .TypeName("K");
   command
-      .add_option(
-          "--ramp", options.ramp,
-          "Folder with pictures of flat patterns instead, the value sent as the last number "
-          "of each name, e.g. ramp_128.png; `fringe patterns --ramp` makes the patterns")
-      ->type_name("DIR");
+      .AddOption("--ramp", options.ramp,
+                 "Folder with pictures of flat patterns instead, the value sent as the last number "
+                 "of each name, e.g. ramp_128.png; `fringe patterns --ramp` makes the patterns")
+      .TypeName("DIR");
   command
-      .add_option(
-          "--out", options.out,
-          "Write the table; as response.yaml in a folder of settings, `fringe patterns` and "
-          "`fringe simulate` undo it, and projector_node as its response_file")
-      ->type_name("RESPONSE.yaml");
+      .AddOption("--out", options.out,
+                 "Write the table; as response.yaml in a folder of settings, `fringe patterns` and "
+                 "`fringe simulate` undo it, and projector_node as its response_file")
+      .TypeName("RESPONSE.yaml");
   command
-      .add_option(
-          "--noise-ratio", options.noise_ratio,
-          "Noise of a grey value over the fringe amplitude, by which the number of steps is "
-          "chosen (default: that of the scan)")
-      ->check(CLI::Range(1e-6, 10.0))
-      ->type_name("R");
+      .AddOption("--noise-ratio", options.noise_ratio,
+                 "Noise of a grey value over the fringe amplitude, by which the number of steps is "
+                 "chosen (default: that of the scan)")
+      .InRange(1e-6, 10.0)
+      .TypeName("R");
 }
 
 /// The number that ends the stem of a file name; -1 if there is none.

@@ -46,24 +46,24 @@ struct Work {
   std::string summary;  ///< the line that ends the command
 };
 
-void Declare(CLI::App& command, RunOptions& options) {
-  command.add_option("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
-      ->required()
-      ->type_name("SCAN/");
+void Declare(Command& command, RunOptions& options) {
+  command.AddOption("--scan", options.scan, "Scan folder with cell.yaml, patterns.yaml, views/")
+      .Required()
+      .TypeName("SCAN/");
   command
-      .add_option("--out", options.out,
-                  "Folder for mesh.ply, cloud.ply, views/NNN/range.ply, poses.conf, mesh.png, "
-                  "phase.png and report.html; earlier results are replaced only when all is done")
-      ->required()
-      ->type_name("DIR");
+      .AddOption("--out", options.out,
+                 "Folder for mesh.ply, cloud.ply, views/NNN/range.ply, poses.conf, mesh.png, "
+                 "phase.png and report.html; earlier results are replaced only when all is done")
+      .Required()
+      .TypeName("DIR");
   command
-      .add_option("--voxel", options.voxel_m,
-                  "Edge of a voxel [m] (default: fusion.yaml of --config, else the median distance "
-                  "of neighbouring points)")
-      ->check(CLI::Range(1e-6, 10.0))
-      ->type_name("M");
-  command.add_flag("--no-registration", options.keep_priors,
-                   "Fuse at the prior poses instead of registering the views");
+      .AddOption("--voxel", options.voxel_m,
+                 "Edge of a voxel [m] (default: fusion.yaml of --config, else the median distance "
+                 "of neighbouring points)")
+      .InRange(1e-6, 10.0)
+      .TypeName("M");
+  command.AddFlag("--no-registration", options.keep_priors,
+                  "Fuse at the prior poses instead of registering the views");
 }
 
 Result<RunConfig> LoadConfigs(const RunOptions& options, const Session& session) {

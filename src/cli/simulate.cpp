@@ -22,30 +22,30 @@ struct SimulateOptions {
   int seed = -1;
 };
 
-void Declare(CLI::App& command, SimulateOptions& options) {
+void Declare(Command& command, SimulateOptions& options) {
   command
-      .add_option("--config", options.config,
-                  "Calibration of the simulated devices (cell.yaml), or a folder that may hold "
-                  "cell.yaml, sim.yaml, pattern.yaml, response.yaml and simulate_scan.yaml "
-                  "(default: the built-in "
-                  "scanner without noise or pose error)")
-      ->type_name("CELL.yaml|DIR");
+      .AddOption("--config", options.config,
+                 "Calibration of the simulated devices (cell.yaml), or a folder that may hold "
+                 "cell.yaml, sim.yaml, pattern.yaml, response.yaml and simulate_scan.yaml "
+                 "(default: the built-in "
+                 "scanner without noise or pose error)")
+      .TypeName("CELL.yaml|DIR");
   command
-      .add_option("--object", options.object,
-                  "Mesh file in metres, or a gauge: plane, sphere, ball_bar, step_block, freeform")
-      ->type_name("MESH.ply|NAME")
-      ->capture_default_str();
-  command.add_option("--views", options.views, "Stops of the turntable (default: 12)")
-      ->check(CLI::Range(1, 10000))
-      ->type_name("N");
-  command.add_option("--seed", options.seed, "Seed of noise and pose errors (default: sim.yaml)")
-      ->check(AtLeastZero())
-      ->type_name("S");
+      .AddOption("--object", options.object,
+                 "Mesh file in metres, or a gauge: plane, sphere, ball_bar, step_block, freeform")
+      .TypeName("MESH.ply|NAME")
+      .ShowDefault();
+  command.AddOption("--views", options.views, "Stops of the turntable (default: 12)")
+      .InRange(1, 10000)
+      .TypeName("N");
+  command.AddOption("--seed", options.seed, "Seed of noise and pose errors (default: sim.yaml)")
+      .AtLeastZero()
+      .TypeName("S");
   command
-      .add_option("--out", options.out,
-                  "Scan folder to write; earlier views and truth in it are replaced as a whole")
-      ->required()
-      ->type_name("SCAN/");
+      .AddOption("--out", options.out,
+                 "Scan folder to write; earlier views and truth in it are replaced as a whole")
+      .Required()
+      .TypeName("SCAN/");
 }
 
 /// Loads <folder>/<stage>.yaml into `config` where it exists.

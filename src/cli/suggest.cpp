@@ -17,26 +17,26 @@ struct SuggestOptions {
   CaptureBudget budget;
 };
 
-void Declare(CLI::App& command, SuggestOptions& options) {
+void Declare(Command& command, SuggestOptions& options) {
   command
-      .add_option("--scan", options.scan,
-                  "Scan of test exposures that states its exposure times; `fringe patterns "
-                  "--test-exposures` makes its patterns")
-      ->required()
-      ->type_name("TESTSCAN/");
-  command.add_option("--view", options.view, "View of the scan (default: the first)")
-      ->check(AtLeastZero())
-      ->type_name("K");
-  auto* frames =
-      command.add_option("--frames", options.budget.frames, "Frames that a view may have")
-          ->check(CLI::Range(1, 10000))
-          ->type_name("N");
-  command.add_option("--seconds", options.budget.seconds, "Time that a view may take, instead [s]")
-      ->check(CLI::Range(1e-3, 1e5))
-      ->excludes(frames)
-      ->type_name("S");
-  command.add_option("--out", options.out, "Write these settings as pattern.yaml")
-      ->type_name("PATTERN.yaml");
+      .AddOption("--scan", options.scan,
+                 "Scan of test exposures that states its exposure times; `fringe patterns "
+                 "--test-exposures` makes its patterns")
+      .Required()
+      .TypeName("TESTSCAN/");
+  command.AddOption("--view", options.view, "View of the scan (default: the first)")
+      .AtLeastZero()
+      .TypeName("K");
+  const Option frames =
+      command.AddOption("--frames", options.budget.frames, "Frames that a view may have")
+          .InRange(1, 10000)
+          .TypeName("N");
+  command.AddOption("--seconds", options.budget.seconds, "Time that a view may take, instead [s]")
+      .InRange(1e-3, 1e5)
+      .Excludes(frames)
+      .TypeName("S");
+  command.AddOption("--out", options.out, "Write these settings as pattern.yaml")
+      .TypeName("PATTERN.yaml");
 }
 
 Status WritePattern(const CaptureProposal& proposal, const std::string& path) {

@@ -27,60 +27,59 @@ struct TargetOptions {
   std::string out;
 };
 
-void DeclareSizes(CLI::App& command, TargetOptions& options) {
-  command.add_option("--dot-mm", options.dot_mm, "Diameter of the dots (default: half the pitch)")
-      ->type_name("MM");
+void DeclareSizes(Command& command, TargetOptions& options) {
+  command.AddOption("--dot-mm", options.dot_mm, "Diameter of the dots (default: half the pitch)")
+      .TypeName("MM");
   command
-      .add_option("--ring-mm", options.ring_mm,
-                  "Outer diameter of the white rings of ring_dots (default: .9 of the pitch)")
-      ->type_name("MM");
+      .AddOption("--ring-mm", options.ring_mm,
+                 "Outer diameter of the white rings of ring_dots (default: .9 of the pitch)")
+      .TypeName("MM");
   command
-      .add_option("--marker-mm", options.marker_mm,
-                  "Edge of the ChArUco markers (default: .7 of the pitch)")
-      ->type_name("MM");
+      .AddOption("--marker-mm", options.marker_mm,
+                 "Edge of the ChArUco markers (default: .7 of the pitch)")
+      .TypeName("MM");
   command
-      .add_option("--dictionary", options.dictionary,
-                  "OpenCV's number of the ChArUco dictionary (default: the smallest of 4 x 4 bits "
-                  "that is large enough)")
-      ->type_name("N");
+      .AddOption("--dictionary", options.dictionary,
+                 "OpenCV's number of the ChArUco dictionary (default: the smallest of 4 x 4 bits "
+                 "that is large enough)")
+      .TypeName("N");
   command
-      .add_option("--shifts", options.shifts, "Columns of shifted_dots until the shift starts anew")
-      ->type_name("M")
-      ->capture_default_str();
+      .AddOption("--shifts", options.shifts, "Columns of shifted_dots until the shift starts anew")
+      .TypeName("M")
+      .ShowDefault();
   command
-      .add_option("--sigma-print-mm", options.sigma_print_mm,
-                  "Standard deviation of the printed points from their places, each axis")
-      ->type_name("MM")
-      ->capture_default_str();
+      .AddOption("--sigma-print-mm", options.sigma_print_mm,
+                 "Standard deviation of the printed points from their places, each axis")
+      .TypeName("MM")
+      .ShowDefault();
 }
 
-void Declare(CLI::App& command, TargetOptions& options) {
+void Declare(Command& command, TargetOptions& options) {
   command
-      .add_option("--kind", options.kind,
-                  "chessboard, charuco, circles, asymmetric_circles, ring_dots or shifted_dots")
-      ->required()
-      ->type_name("KIND");
-  command.add_option("--columns", options.columns, "Points along x (inner corners, dots)")
-      ->required()
-      ->type_name("N");
-  command.add_option("--rows", options.rows, "Points along y")->required()->type_name("N");
-  command.add_option("--pitch-mm", options.pitch_mm, "Distance of neighbouring points in a row")
-      ->required()
-      ->type_name("MM");
+      .AddOption("--kind", options.kind,
+                 "chessboard, charuco, circles, asymmetric_circles, ring_dots or shifted_dots")
+      .Required()
+      .TypeName("KIND");
+  command.AddOption("--columns", options.columns, "Points along x (inner corners, dots)")
+      .Required()
+      .TypeName("N");
+  command.AddOption("--rows", options.rows, "Points along y").Required().TypeName("N");
+  command.AddOption("--pitch-mm", options.pitch_mm, "Distance of neighbouring points in a row")
+      .Required()
+      .TypeName("MM");
   DeclareSizes(command, options);
-  command.add_flag("--no-marks", options.no_marks,
-                   "Do not enlarge three dots that tell orientation and place");
-  command.add_flag("--light-on-dark", options.light_on_dark, "White dots on black");
+  command.AddFlag("--no-marks", options.no_marks,
+                  "Do not enlarge three dots that tell orientation and place");
+  command.AddFlag("--light-on-dark", options.light_on_dark, "White dots on black");
   command
-      .add_option("--paper", options.paper,
-                  fmt::format("{}, or WIDTHxHEIGHT in mm", fmt::join(PaperNames(), ", ")))
-      ->type_name("PAPER")
-      ->capture_default_str();
+      .AddOption("--paper", options.paper,
+                 fmt::format("{}, or WIDTHxHEIGHT in mm", fmt::join(PaperNames(), ", ")))
+      .TypeName("PAPER")
+      .ShowDefault();
   command
-      .add_option("--out", options.out,
-                  "Drawing; the target's description goes beside it, as .yaml")
-      ->required()
-      ->type_name("TARGET.pdf|.svg");
+      .AddOption("--out", options.out, "Drawing; the target's description goes beside it, as .yaml")
+      .Required()
+      .TypeName("TARGET.pdf|.svg");
 }
 
 /// Three dots about the middle, unequal steps apart: they tell orientation, mirroring and place.

@@ -109,25 +109,25 @@ Result<std::vector<View>> LoadScanViews(const ViewsOptions& options, Session& se
 
 }  // namespace
 
-void DeclareViews(CLI::App& command, ViewsOptions& options) {
+void DeclareViews(Command& command, ViewsOptions& options) {
   command
-      .add_option("--views", options.views,
-                  "POSES.conf (lines `bmesh FILE tx ty tz qx qy qz qw`) or a scan folder, whose "
-                  "views without range.ply are reconstructed from their frames")
-      ->required()
-      ->type_name("POSES.conf|SCAN/");
+      .AddOption("--views", options.views,
+                 "POSES.conf (lines `bmesh FILE tx ty tz qx qy qz qw`) or a scan folder, whose "
+                 "views without range.ply are reconstructed from their frames")
+      .Required()
+      .TypeName("POSES.conf|SCAN/");
   command
-      .add_option("--line-of-sight", options.line_of_sight,
-                  "Direction to the sensor of directional scans in their own frame")
-      ->delimiter(',')
-      ->type_name("x,y,z")
-      ->capture_default_str();
+      .AddOption("--line-of-sight", options.line_of_sight,
+                 "Direction to the sensor of directional scans in their own frame")
+      .Delimiter(',')
+      .TypeName("x,y,z")
+      .ShowDefault();
   command
-      .add_option("--sigma-mm", options.sigma_mm,
-                  "Standard deviation of the points of scans that state none [mm]")
-      ->check(CLI::Range(1e-6, 1e3))
-      ->type_name("MM")
-      ->capture_default_str();
+      .AddOption("--sigma-mm", options.sigma_mm,
+                 "Standard deviation of the points of scans that state none [mm]")
+      .InRange(1e-6, 1e3)
+      .TypeName("MM")
+      .ShowDefault();
 }
 
 Result<DecodeConfig> LoadDecodeConfig(const Session& session) {

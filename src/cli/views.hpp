@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <array>
 #include <string>
 #include <vector>
@@ -20,7 +19,7 @@ struct ViewsOptions {
   double sigma_mm = 0.1;                           ///< noise of scans that state none
   bool no_prior = false;  ///< poses of a scan are not read: every view is in its own camera frame
 };
-void DeclareViews(CLI::App& command, ViewsOptions& options);
+void DeclareViews(Command& command, ViewsOptions& options);
 
 /// Settings of the stages from frames to phase maps.
 struct DecodeConfig {
