@@ -1,6 +1,7 @@
 #include "command.hpp"
 
 #include <unistd.h>
+#include <yaml-cpp/yaml.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>

@@ -24,13 +24,8 @@ class BoundsCheck {
  public:
   explicit BoundsCheck(std::string owner) : owner_(std::move(owner)) {}
 
-  template <typename T>
-  void operator()(const char* name, const T& value, T low, T high) {
-    // Negated so that NaN fails.
-    if (status_ && !(value >= low && value <= high)) {
-      status_ = Fail("{}: {} = {} is outside [{}, {}]", owner_, name, value, low, high);
-    }
-  }
+  void operator()(const char* name, int value, int low, int high);
+  void operator()(const char* name, double value, double low, double high);
   template <std::size_t N>
   void operator()(const char* name, const std::array<double, N>& values, double low, double high) {
     for (const double value : values) (*this)(name, value, low, high);
