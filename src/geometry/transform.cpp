@@ -39,6 +39,10 @@ Eigen::Vector3d LogRotation(const Eigen::Matrix3d& R) {
   return 2.0 * std::atan2(sin_half, q.w()) / sin_half * q.vec();
 }
 
+Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix();
+}
+
 Transform Exp(const Vector6d& xi) {
   Transform T = Transform::Identity();
   T.linear() = ExpRotation(xi.head<3>());

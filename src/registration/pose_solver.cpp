@@ -187,9 +187,8 @@ void StartChain(const ChainTerm& chain, PoseState& state) {
     const Eigen::Vector3d up = (axis % 2 == 0 ? 1.0 : -1.0) * Eigen::Vector3d::Unit(axis / 2);
     trial.T_flange_camera = Transform::Identity();
     trial.T_flange_camera.linear() =
-        (Eigen::AngleAxisd(M_PI_2 * (start % 4), up) *
-         Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), up))
-            .toRotationMatrix();
+        Eigen::AngleAxisd(M_PI_2 * (start % 4), up).toRotationMatrix() *
+        RotationBetween(Eigen::Vector3d::UnitZ(), up);
     if (chain.flange_camera.has_prior) {
       trial.T_flange_camera = chain.flange_camera.T_object_camera_prior;
     }

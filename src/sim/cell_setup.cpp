@@ -80,9 +80,7 @@ CellCalibration DefaultCalibration() {
       projector, Eigen::Vector2d(0.5 * (projector.width - 1), 0.5 * (projector.height - 1)));
   Transform T_camera_projector = T_camera_axis;
   T_camera_projector.linear() =
-      T_camera_axis.linear() *
-      Eigen::Quaterniond::FromTwoVectors(middle.homogeneous(), Eigen::Vector3d::UnitZ())
-          .toRotationMatrix();
+      T_camera_axis.linear() * RotationBetween(middle.homogeneous(), Eigen::Vector3d::UnitZ());
   calibration.T_projector_camera = T_camera_projector.inverse();
   calibration.camera_serial = "sim-camera";
   calibration.projector_serial = "sim-projector";

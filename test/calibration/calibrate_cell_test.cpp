@@ -151,8 +151,7 @@ TEST(CalibrateCell, FindsAPrincipalPointFarOutsideTheImage) {
       T_camera_projector.linear().transpose() *
       (Eigen::Vector3d(0.0, 0.0, 0.7) - T_camera_projector.translation());
   Transform turned = T_camera_projector;
-  turned.linear() = T_camera_projector.linear() *
-                    Eigen::Quaterniond::FromTwoVectors(middle, towards).toRotationMatrix();
+  turned.linear() = T_camera_projector.linear() * RotationBetween(middle, towards);
   truth.T_projector_camera = turned.inverse();
   const CalibrationTarget target = SmallTarget();
   const auto sightings = SightAll(truth, target, ScenePoses(target, 10, 4), {});

@@ -29,9 +29,7 @@ inline CellCalibration SceneCell() {
   Transform T_camera_axis = Transform::Identity();
   T_camera_axis.linear() << right, forward.cross(right), forward;
   T_camera_axis.translation() = eye;
-  const Eigen::Matrix3d shift =
-      Eigen::Quaterniond::FromTwoVectors(middle.homogeneous(), Eigen::Vector3d::UnitZ())
-          .toRotationMatrix();
+  const Eigen::Matrix3d shift = RotationBetween(middle.homogeneous(), Eigen::Vector3d::UnitZ());
   cell.T_projector_camera = (T_camera_axis * Transform(shift)).inverse();
   return cell;
 }

@@ -55,6 +55,19 @@ TEST(Transform, LogOfHalfATurnHasLengthPi) {
   EXPECT_NEAR(std::abs(rotation.normalized().dot(axis)), 1.0, 1e-9);
 }
 
+TEST(Transform, RotationBetweenIsTheLeastOne) {
+  const Eigen::Vector3d from(0.3, -2.0, 0.5);
+  const Eigen::Vector3d to(-1.0, 0.2, 4.0);
+  const Eigen::Matrix3d R = RotationBetween(from, to);
+  EXPECT_LT((R * from.normalized() - to.normalized()).norm(), 1e-12);
+  const double angle = std::acos(from.normalized().dot(to.normalized()));
+  EXPECT_NEAR(LogRotation(R).norm(), angle, 1e-12);
+  EXPECT_LT((RotationBetween(from, 7.0 * from) - Eigen::Matrix3d::Identity()).norm(), 1e-7);
+  const Eigen::Matrix3d half_turn = RotationBetween(from, -from);
+  EXPECT_LT((half_turn * from + from).norm(), 1e-7);
+  EXPECT_NEAR(half_turn.determinant(), 1.0, 1e-9);
+}
+
 TEST(Transform, AdjointMovesAPerturbationToTheOtherSide) {
   std::mt19937 generator(5);
   for (int i = 0; i < 20; ++i) {

@@ -18,6 +18,11 @@ using Transform = Eigen::Isometry3d;
 /// Rotation vector [rad], norm at most pi, of a rotation matrix.
 [[nodiscard]] Eigen::Vector3d LogRotation(const Eigen::Matrix3d& R);
 
+/// The least rotation that turns one direction into another; lengths do not matter. Opposite
+/// directions: by pi about an axis across them.
+[[nodiscard]] Eigen::Matrix3d RotationBetween(const Eigen::Vector3d& from,
+                                              const Eigen::Vector3d& to);
+
 /// Exponential of SE(3). xi = (rotation [rad], translation part [m]); a pose is perturbed on the
 /// right, T Exp(xi), and its 6x6 covariance is that of xi in this order.
 /// Ref: Barfoot, State Estimation for Robotics, 2017, eq. 7.86 with rotation first.
