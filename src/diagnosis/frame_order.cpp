@@ -81,6 +81,18 @@ using Assignment = std::vector<int>;  // pattern of each frame, -1: none
 using GridCosts = std::vector<float>;
 using Distances = std::vector<std::vector<double>>;  // of frame and pattern
 
+// costs[g] += loss of a value against the light at g. Most of the time goes here; written for the
+// vectoriser.
+void AddLoss(float value, const Lights& light, GridCosts& costs) {
+  const std::size_t count = costs.size();
+  const float* from = light.data();
+  float* to = costs.data();
+  for (std::size_t g = 0; g < count; ++g) {
+    const float apart = std::abs(value - from[g]);
+    to[g] += apart < kLossLimit ? apart : kLossLimit;
+  }
+}
+
 // Frames and patterns on a common scale of 0 (dark) to 1 (bright).
 class Matcher {
  public:
@@ -229,9 +241,7 @@ class Matcher {
       const Profile& profile = profiles_[static_cast<std::size_t>(shown[i])];
       if (profile.varies != axis) continue;
       const float value = frames_[i][pixel];
-      for (std::size_t g = 0; g < costs.size(); ++g) {
-        costs[g] += std::min(std::abs(value - profile.light[g]), kLossLimit);
-      }
+      AddLoss(value, profile.light, costs);
     }
     const auto best = std::min_element(costs.begin(), costs.end());
     return {static_cast<std::size_t>(best - costs.begin()), static_cast<double>(*best)};
