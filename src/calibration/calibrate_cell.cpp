@@ -181,8 +181,7 @@ void FillResiduals(const CellRun& run, CellCalibrationResult& result) {
     std::array<DeviceSums, 2> sums;
     for (const std::size_t device : {kCamera, kProjector}) {
       for (const Observation& seen : stations[i].seen[device]) {
-        const Linearized at =
-            CellProblem::Linearize(run.state, stations[i], seen, device, run.options);
+        const Residual at = CellProblem::Miss(run.state, stations[i], seen, device, run.options);
         result.residuals.push_back(
             {static_cast<int>(i), seen.point, device == kProjector, seen.pixel, -at.residual_px});
         sums[device].Add({0.0, at.residual_px.squaredNorm(), 1});

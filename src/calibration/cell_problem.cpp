@@ -37,10 +37,16 @@ struct PlacedPoint {
   Matrix39 jacobian = Matrix39::Zero();
 };
 
+Eigen::Vector3d TargetPoint(const State& state, const Station& station, int point) {
+  Eigen::Vector3d point_target = state.points_target[static_cast<std::size_t>(point)];
+  if (station.shift < 0) return point_target;
+  return point_target +
+         state.blocks[station.block].shifts_m[static_cast<std::size_t>(station.shift)];
+}
+
 PlacedPoint Place(const State& state, const Station& station, int point) {
   const PoseBlock& block = state.blocks[station.block];
-  Eigen::Vector3d point_target = state.points_target[static_cast<std::size_t>(point)];
-  if (station.shift >= 0) point_target += block.shifts_m[static_cast<std::size_t>(station.shift)];
+  const Eigen::Vector3d point_target = TargetPoint(state, station, point);
   const Matrix3 R = block.T_camera_target.linear();
   PlacedPoint placed;
   placed.point = block.T_camera_target * point_target;
@@ -51,13 +57,18 @@ PlacedPoint Place(const State& state, const Station& station, int point) {
 
 /// The centre of the ellipse that a dot of this radius is imaged to lies on the ray of
 /// X - rho^2 / Z (e3 - n n_z): H Q^-1 H^T e3 with H = (r1 r2 X), science 1.2.
+Eigen::Vector3d EllipseCentre(const Eigen::Vector3d& dot, const Eigen::Vector3d& n,
+                              double radius_m) {
+  return dot - radius_m * radius_m / dot.z() * (Eigen::Vector3d::UnitZ() - n * n.z());
+}
+
 PlacedPoint EllipseCentre(const PlacedPoint& dot, const Matrix3& R, double radius_m) {
   const Eigen::Vector3d n = R.col(2);
   const double z = dot.point.z();
   const double share = radius_m * radius_m / z;
   const Eigen::Vector3d offset = Eigen::Vector3d::UnitZ() - n * n.z();
   PlacedPoint centre;
-  centre.point = dot.point - share * offset;
+  centre.point = EllipseCentre(dot.point, n, radius_m);
   Matrix3 by_point = Matrix3::Identity();
   by_point.col(2) += share / z * offset;
   Matrix3 by_normal = share * n.z() * Matrix3::Identity();
@@ -71,6 +82,44 @@ Eigen::Index NumShared(const State& state, const Options& options) {
   return kNumCellParameters +
          (options.free_points ? 3 * static_cast<Eigen::Index>(state.points_target.size()) : 0);
 }
+
+/// The whitened rows of a station's observations by one device, scaled by the square root of their
+/// Huber weights: their products are summed at once.
+struct DeviceRows {
+  Eigen::Matrix<double, kNumLocal, Eigen::Dynamic> jacobian;  ///< two columns per observation
+  Eigen::VectorXd e;
+
+  explicit DeviceRows(std::size_t num_observations) {
+    const auto num = 2 * static_cast<Eigen::Index>(num_observations);
+    jacobian.resize(kNumLocal, num);
+    e.resize(num);
+  }
+
+  void Set(std::size_t observation, const Linearized& at, double weight) {
+    const Eigen::Index column = 2 * static_cast<Eigen::Index>(observation);
+    const double factor = std::sqrt(weight);
+    jacobian.middleCols<2>(column) = factor * at.jacobian.transpose();
+    e.segment<2>(column) = factor * at.e;
+  }
+
+  /// Adds J^T J, which is zero outside of the parameters that the device sees.
+  void AddTo(std::size_t device, StationSums& sums) const {
+    if (device == kProjector) {
+      constexpr int kOwn = kNumLocal - kNumModel;
+      const auto own = jacobian.bottomRows<kOwn>();
+      sums.hessian.bottomRightCorner<kOwn, kOwn>().noalias() += own * own.transpose();
+    } else {
+      const auto model = jacobian.topRows<kNumModel>();
+      const auto placed = jacobian.bottomRows<9>();
+      sums.hessian.topLeftCorner<kNumModel, kNumModel>().noalias() += model * model.transpose();
+      const Eigen::Matrix<double, kNumModel, 9> mixed = model * placed.transpose();
+      sums.hessian.topRightCorner<kNumModel, 9>() += mixed;
+      sums.hessian.bottomLeftCorner<9, kNumModel>() += mixed.transpose();
+      sums.hessian.bottomRightCorner<9, 9>().noalias() += placed * placed.transpose();
+    }
+    sums.gradient.noalias() += jacobian * e;
+  }
+};
 
 void AddPointTerms(const LocalJacobian& jacobian, const Eigen::Vector2d& e, double weight,
                    int point, StationSums& sums) {
@@ -216,6 +265,24 @@ Linearized CellProblem::Linearize(const State& state, const Station& station,
   return out;
 }
 
+Residual CellProblem::Miss(const State& state, const Station& station, const Observation& seen,
+                           std::size_t device, const Options& options) {
+  const Transform& T_camera_target = state.blocks[station.block].T_camera_target;
+  Eigen::Vector3d point = T_camera_target * TargetPoint(state, station, seen.point);
+  const CameraModel& model = state.devices[device];
+  Residual out;
+  if (device == kProjector) {
+    point = state.T_projector_camera * point;
+  } else if (seen.dot_radius_m > 0.0) {
+    const Matrix3 R = T_camera_target.linear();
+    out.residual_px = LensShiftOfDot(model, point, R, seen.dot_radius_m);
+    point = EllipseCentre(point, R.col(2), seen.dot_radius_m);
+  }
+  out.residual_px += Project(model, point) - seen.pixel;
+  out.e = seen.whitener * out.residual_px / options.scale[device];
+  return out;
+}
+
 StationSums CellProblem::Sum(const State& state, const Options& options,
                              std::size_t station_index) const {
   const Station& station = stations_[station_index];
@@ -227,7 +294,9 @@ StationSums CellProblem::Sum(const State& state, const Options& options,
     sums.point_gradient = Eigen::VectorXd::Zero(size);
   }
   for (const std::size_t device : {kCamera, kProjector}) {
-    for (const Observation& seen : station.seen[device]) {
+    DeviceRows rows(station.seen[device].size());
+    for (std::size_t k = 0; k < station.seen[device].size(); ++k) {
+      const Observation& seen = station.seen[device][k];
       const Linearized at = Linearize(state, station, seen, device, options);
       const double squared = at.e.squaredNorm();
       if (!std::isfinite(squared)) {
@@ -237,13 +306,11 @@ StationSums CellProblem::Sum(const State& state, const Options& options,
       const Robust robust = Huber(squared, options.huber_sigma);
       sums.cost += robust.cost;
       sums.devices[device].Add({robust.weight * squared, at.residual_px.squaredNorm(), 1});
-      sums.hessian.selfadjointView<Eigen::Upper>().rankUpdate(at.jacobian.transpose(),
-                                                              robust.weight);
-      sums.gradient += robust.weight * (at.jacobian.transpose() * at.e);
+      rows.Set(k, at, robust.weight);
       if (options.free_points) AddPointTerms(at.jacobian, at.e, robust.weight, seen.point, sums);
     }
+    rows.AddTo(device, sums);
   }
-  sums.hessian.triangularView<Eigen::StrictlyLower>() = sums.hessian.transpose();
   return sums;
 }
 
@@ -262,7 +329,7 @@ std::array<DeviceSums, 2> CellProblem::Sums(const State& state, const Options& o
   for (const Station& station : stations_) {
     for (const std::size_t device : {kCamera, kProjector}) {
       for (const Observation& seen : station.seen[device]) {
-        const Linearized at = Linearize(state, station, seen, device, options);
+        const Residual at = Miss(state, station, seen, device, options);
         const double squared = at.e.squaredNorm();
         total[device].Add({Huber(squared, options.huber_sigma).weight * squared,
                            at.residual_px.squaredNorm(), 1});
@@ -296,7 +363,7 @@ double CellProblem::Cost(const State& state, const Options& options) const {
       const Station& station = stations_[static_cast<std::size_t>(i)];
       for (const std::size_t device : {kCamera, kProjector}) {
         for (const Observation& seen : station.seen[device]) {
-          const double squared = Linearize(state, station, seen, device, options).e.squaredNorm();
+          const double squared = Miss(state, station, seen, device, options).e.squaredNorm();
           costs[static_cast<std::size_t>(i)] +=
               std::isfinite(squared) ? Huber(squared, options.huber_sigma).cost : kInfinity;
         }

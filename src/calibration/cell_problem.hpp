@@ -91,10 +91,14 @@ struct Reduced {
   std::vector<Eigen::VectorXd> share_gradient;
 };
 
-/// An observation linearised: whitened residual and its derivatives.
-struct Linearized {
-  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< predicted minus measured
-  Eigen::Vector2d e = Eigen::Vector2d::Zero();
+/// Predicted minus measured.
+struct Residual {
+  Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();
+  Eigen::Vector2d e = Eigen::Vector2d::Zero();  ///< whitened
+};
+
+/// A residual with the derivatives of e.
+struct Linearized : Residual {
   LocalJacobian jacobian = LocalJacobian::Zero();
 };
 
@@ -119,6 +123,10 @@ class CellProblem {
   [[nodiscard]] static Linearized Linearize(const State& state, const Station& station,
                                             const Observation& seen, std::size_t device,
                                             const Options& options);
+  /// The residual without derivatives; NaN behind a device.
+  [[nodiscard]] static Residual Miss(const State& state, const Station& station,
+                                     const Observation& seen, std::size_t device,
+                                     const Options& options);
   /// Cost with priors; infinite behind a device.
   [[nodiscard]] double Cost(const State& state, const Options& options) const;
   /// Sums over all stations.

@@ -68,7 +68,7 @@ void SetRobustScale(CellRun& run) {
     for (const Station& station : run.problem.stations()) {
       for (const Observation& seen : station.seen[device]) {
         const Eigen::Vector2d e =
-            CellProblem::Linearize(run.state, station, seen, device, run.options).e;
+            CellProblem::Miss(run.state, station, seen, device, run.options).e;
         components.push_back(std::abs(e.x()));
         components.push_back(std::abs(e.y()));
       }
@@ -131,8 +131,8 @@ bool RejectPoints(CellRun& run) {
       std::vector<Observation> good;
       std::vector<RejectedPoint> bad;
       for (const Observation& observation : seen) {
-        const Linearized at =
-            CellProblem::Linearize(run.state, stations[i], observation, device, run.options);
+        const Residual at =
+            CellProblem::Miss(run.state, stations[i], observation, device, run.options);
         if (at.e.norm() <= run.config.reject_sigma) {
           good.push_back(observation);
         } else {

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "cell_scene.hpp"
 #include "fringe_fusion/calibration/error_field.hpp"
 #include "src/calibration/dot_image.hpp"
@@ -69,6 +71,44 @@ TEST(CellProblem, DerivativesAreThoseOfCentralDifferences) {
           << "device " << device << " parameter " << k;
     }
   }
+}
+
+/// The sums over a station against those taken observation by observation.
+TEST(CellProblem, SumsTheProductsOfItsRows) {
+  const CellCalibration cell = SceneCell();
+  const bundle::State state = SceneState(TiltedPose());
+  bundle::Station station;
+  for (int point = 0; point < 20; ++point) {
+    for (const std::size_t device : {kCamera, kProjector}) {
+      const Eigen::Vector3d p = TiltedPose() * state.points_target[static_cast<std::size_t>(point)];
+      bundle::Observation seen;
+      seen.point = point;
+      seen.pixel = device == kCamera ? Project(cell.camera, p)
+                                     : Project(cell.projector, cell.T_projector_camera * p);
+      seen.pixel += Eigen::Vector2d(0.3 * (point % 3), 0.2 * (point % 5));
+      seen.dot_radius_m = device == kCamera ? 0.005 : 0.0;
+      station.seen[device].push_back(seen);
+    }
+  }
+  bundle::Options options;
+  options.scale = {0.2, 0.3};
+  const bundle::CellProblem problem({station}, state.points_target, {{}});
+  const bundle::StationSums sums = problem.Sum(state, options, 0);
+  bundle::LocalHessian hessian = bundle::LocalHessian::Zero();
+  bundle::LocalVector gradient = bundle::LocalVector::Zero();
+  for (const std::size_t device : {kCamera, kProjector}) {
+    for (const bundle::Observation& seen : station.seen[device]) {
+      const auto at = bundle::CellProblem::Linearize(state, station, seen, device, options);
+      const auto missed = bundle::CellProblem::Miss(state, station, seen, device, options);
+      EXPECT_LT((at.residual_px - missed.residual_px).norm(), 1e-9);
+      EXPECT_LT((at.e - missed.e).norm(), 1e-9);
+      const double weight = std::min(1.0, options.huber_sigma / at.e.norm());
+      hessian += weight * at.jacobian.transpose() * at.jacobian;
+      gradient += weight * at.jacobian.transpose() * at.e;
+    }
+  }
+  EXPECT_LT((sums.hessian - hessian).norm(), 1e-10 * hessian.norm());
+  EXPECT_LT((sums.gradient - gradient).norm(), 1e-10 * gradient.norm());
 }
 
 TEST(CellProblem, PredictsTheCentreOfTheImagedEllipse) {
