@@ -1,6 +1,0 @@
-#include "nodes/fusion_node.hpp"
-#include "nodes/node_main.hpp"
-
-int main(int argc, char** argv) {
-  return fringe_fusion::nodes::RunNode<fringe_fusion::nodes::FusionNode>(argc, argv, "fusion_node");
-}
