@@ -1,12 +1,11 @@
 #include "fringe_fusion/calibration/calibrate_cell.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "cell_run.hpp"
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -85,13 +84,12 @@ SharedCovariance Invert(const Reduced& reduced, const Options& options) {
   part = scale.asDiagonal() * part * scale.asDiagonal();
   const auto num_cell =
       static_cast<Eigen::Index>(std::count(options.free.begin(), options.free.end(), true));
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      Eigen::MatrixXd(part.topLeftCorner(num_cell, num_cell)));
-  const Eigen::VectorXd values = solver.eigenvalues();
-  out.condition = values[0] > 0.0 ? values[num_cell - 1] / values[0] : kInfinity;
+  const dense::SymmetricEigen eigen =
+      dense::DecomposeSymmetric(part.topLeftCorner(num_cell, num_cell));
+  out.condition = eigen.values[0] > 0.0 ? eigen.values[num_cell - 1] / eigen.values[0] : kInfinity;
   std::vector<Eigen::Index> order;
   for (Eigen::Index i = 0; i < num_cell; ++i) order.push_back(i);
-  const Eigen::VectorXd weakest = solver.eigenvectors().col(0).cwiseAbs();
+  const Eigen::VectorXd weakest = eigen.vectors.col(0).cwiseAbs();
   std::sort(order.begin(), order.end(),
             [&](Eigen::Index a, Eigen::Index b) { return weakest[a] > weakest[b]; });
   for (std::size_t k = 0; k < 3 && k < order.size(); ++k) {
@@ -100,15 +98,12 @@ SharedCovariance Invert(const Reduced& reduced, const Options& options) {
                     CellParameterName(static_cast<int>(free[static_cast<std::size_t>(order[k])])));
   }
   out.covariance = Eigen::MatrixXd::Zero(size, size);
-  const Eigen::LLT<Eigen::MatrixXd> factor(part);
-  if (factor.info() != Eigen::Success) {
+  const auto inverse = dense::SolvePositive(part, Eigen::MatrixXd::Identity(num_free, num_free));
+  if (!inverse) {
     out.condition = kInfinity;
     return out;
   }
-  const Eigen::MatrixXd inverse = scale.asDiagonal() *
-                                  factor.solve(Eigen::MatrixXd::Identity(num_free, num_free)) *
-                                  scale.asDiagonal();
-  out.covariance(free, free) = inverse;
+  out.covariance(free, free) = scale.asDiagonal() * *inverse * scale.asDiagonal();
   return out;
 }
 

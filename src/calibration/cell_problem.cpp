@@ -1,11 +1,10 @@
 #include "cell_problem.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "common/dense.hpp"
 #include "dot_image.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
@@ -390,8 +389,8 @@ Reduced CellProblem::Eliminate(const State& state, const Options& options,
     if (block.own.trace() == 0.0) block.own.setIdentity();
     block.AddShiftPrior(state.blocks[b], nominal_shifts_[b], options);
     Damp(block.own, damping);
-    const Eigen::MatrixXd inverse =
-        block.own.ldlt().solve(Eigen::MatrixXd::Identity(block.own.rows(), block.own.rows()));
+    const Eigen::MatrixXd inverse = dense::SolveSymmetric(
+        block.own, Eigen::MatrixXd::Identity(block.own.rows(), block.own.rows()));
     block.shared -= block.coupling.transpose() * (inverse * block.coupling);
     block.shared_gradient -= block.coupling.transpose() * (inverse * block.gradient);
     reduced.hessian += block.shared;
@@ -430,10 +429,10 @@ std::optional<Eigen::VectorXd> SolveFree(const Eigen::MatrixXd& hessian,
   // Focal lengths and distortion terms differ by many orders of magnitude.
   const Eigen::VectorXd scale = part.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   part = scale.asDiagonal() * part * scale.asDiagonal();
-  const Eigen::LLT<Eigen::MatrixXd> factor(part);
-  if (factor.info() != Eigen::Success) return std::nullopt;
   const Eigen::VectorXd right = scale.cwiseProduct(Eigen::VectorXd(gradient(free)));
-  const Eigen::VectorXd solved = -scale.cwiseProduct(factor.solve(right));
+  const auto scaled_step = dense::SolvePositive(part, right);
+  if (!scaled_step) return std::nullopt;
+  const Eigen::VectorXd solved = -scale.cwiseProduct(*scaled_step);
   if (!solved.allFinite()) return std::nullopt;
   for (std::size_t i = 0; i < free.size(); ++i) {
     step[free[i]] = solved[static_cast<Eigen::Index>(i)];
@@ -521,7 +520,7 @@ void CellProblem::FitPose(State& state, const Options& options, std::size_t stat
     const StationSums sums = Sum(state, own, station);
     if (!std::isfinite(sums.cost)) return;
     const Matrix6d hessian = sums.hessian.block<6, 6>(kPose, kPose);
-    const Vector6d step = -hessian.ldlt().solve(sums.gradient.segment<6>(kPose));
+    const Vector6d step = -dense::SolveSymmetric(hessian, sums.gradient.segment<6>(kPose));
     if (!step.allFinite()) return;
     T = T * Exp(step);
   }

@@ -1,11 +1,9 @@
-#include <Eigen/LU>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "cell_data.hpp"
+#include "common/dense.hpp"
 
 namespace fringe_fusion::bundle {
 namespace {
@@ -83,9 +81,9 @@ std::optional<CameraModel> ResectionIntrinsics(const CellData& data, std::size_t
         Eigen::RowVector4d::Zero(), p.transpose(), -pixels[i].y() * p.transpose();
     normal += rows.transpose() * rows;
   }
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(Eigen::MatrixXd(normal), Eigen::ComputeFullV);
-  if (!(svd.singularValues()[10] > 1e-10 * svd.singularValues()[0])) return std::nullopt;
-  const Eigen::VectorXd P = svd.matrixV().col(11);
+  const dense::SingularValues svd = dense::DecomposeSingular(normal);
+  if (!(svd.values[10] > 1e-10 * svd.values[0])) return std::nullopt;
+  const Eigen::VectorXd P = svd.V.col(11);
   Eigen::Matrix3d M;
   M << P.segment<3>(0).transpose(), P.segment<3>(4).transpose(), P.segment<3>(8).transpose();
   // M M^T = K K^T up to scale: no rotation in it.

@@ -1,9 +1,9 @@
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "cell_run.hpp"
+#include "common/dense.hpp"
 #include "fringe_fusion/calibration/error_field.hpp"
 
 namespace fringe_fusion::bundle {
@@ -153,7 +153,7 @@ std::optional<CellCovariance> Information(const CellRun& run, const Candidate& c
 /// (C^-1 + S)^-1 without inverting C, which has zero rows for what is held.
 CellCovariance Updated(const CellCovariance& covariance, const CellCovariance& information) {
   const CellCovariance M = CellCovariance::Identity() + covariance * information;
-  const CellCovariance updated = M.partialPivLu().solve(covariance);
+  const CellCovariance updated = dense::Solve(M, covariance);
   return 0.5 * (updated + updated.transpose());
 }
 

@@ -1,9 +1,10 @@
 #include "target_homography.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <vector>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
@@ -56,10 +57,10 @@ std::optional<Homography> FitTargetHomography(const TargetSighting& sighting,
         Eigen::RowVector3d::Zero(), a.transpose(), -b.y() * a.transpose();
     squares += rows.transpose() * rows;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(squares);
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(squares);
   // A second small eigenvalue: the points lie on a line.
-  if (!(solver.eigenvalues()[1] > 1e-9 * solver.eigenvalues()[8])) return std::nullopt;
-  const Eigen::Matrix<double, 9, 1> h = solver.eigenvectors().col(0);
+  if (!(eigen.values[1] > 1e-9 * eigen.values[8])) return std::nullopt;
+  const Eigen::Matrix<double, 9, 1> h = eigen.vectors.col(0);
   Eigen::Matrix3d normalised;
   normalised << h.segment<3>(0).transpose(), h.segment<3>(3).transpose(),
       h.segment<3>(6).transpose();

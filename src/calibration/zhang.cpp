@@ -1,10 +1,10 @@
 #include "zhang.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion::bundle {
 namespace {
@@ -44,9 +44,9 @@ std::optional<Eigen::Matrix3d> Dlt(const PlanarView& view, const Eigen::Matrix3d
         Eigen::RowVector3d::Zero(), p.transpose(), -q.y() * p.transpose();
     normal += weights[i] * rows.transpose() * rows;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(normal);
-  if (!(solver.eigenvalues()[1] > 1e-9 * solver.eigenvalues()[8])) return std::nullopt;
-  const Eigen::Matrix<double, 9, 1> h = solver.eigenvectors().col(0);
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(normal);
+  if (!(eigen.values[1] > 1e-9 * eigen.values[8])) return std::nullopt;
+  const Eigen::Matrix<double, 9, 1> h = eigen.vectors.col(0);
   Eigen::Matrix3d H;
   H << h.head<3>().transpose(), h.segment<3>(3).transpose(), h.tail<3>().transpose();
   return Eigen::Matrix3d(to.inverse() * H * from);
@@ -85,8 +85,7 @@ CameraModel MakeModel(int width, int height, const Eigen::Vector2d& focal,
 /// The image of the absolute conic with a free principal point, in scaled pixels.
 std::optional<CameraModel> FreePrincipal(const Eigen::MatrixXd& constraints, double scale,
                                          const Eigen::Vector2d& centre, int width, int height) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(constraints, Eigen::ComputeFullV);
-  const Eigen::VectorXd b = svd.matrixV().col(4);
+  const Eigen::VectorXd b = dense::DecomposeSingular(constraints).V.col(4);
   const double x0 = -b[2] / b[0];
   const double y0 = -b[3] / b[1];
   const double lambda = b[4] - b[2] * b[2] / b[0] - b[3] * b[3] / b[1];
@@ -147,7 +146,7 @@ std::optional<CameraModel> ZhangIntrinsics(const std::vector<Eigen::Matrix3d>& h
   // B13 = B23 = 0; with B33 = 1: 1/fx^2, 1/fy^2 by least squares.
   Eigen::MatrixXd A = constraints.leftCols<2>();
   const Eigen::VectorXd right = -constraints.col(4);
-  Eigen::Vector2d b = A.colPivHouseholderQr().solve(right);
+  Eigen::Vector2d b = dense::LeastSquares(A, right);
   if (!(b.minCoeff() > 0.0)) {
     // One focal length for both axes is better determined.
     const Eigen::VectorXd sum = A.rowwise().sum();
@@ -165,11 +164,13 @@ Transform PlanePose(const Eigen::Matrix3d& H, const CameraModel& model) {
   if (M(2, 2) < 0.0) M = -M;
   Eigen::Matrix3d R;
   R << M.col(0), M.col(1), M.col(0).cross(M.col(1));
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(R, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const dense::SingularValues svd = dense::DecomposeSingular(R);
+  const Eigen::Matrix3d U = svd.U;
+  const Eigen::Matrix3d V = svd.V;
   Eigen::Matrix3d sign = Eigen::Matrix3d::Identity();
-  sign(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+  sign(2, 2) = (U * V.transpose()).determinant();
   Transform T = Transform::Identity();
-  T.linear() = svd.matrixU() * sign * svd.matrixV().transpose();
+  T.linear() = U * sign * V.transpose();
   T.translation() = M.col(2);
   return T;
 }

@@ -1,11 +1,12 @@
 #include "noise_residuals.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion::diagnosis {
 namespace {
@@ -55,7 +56,7 @@ double RemoveHarmonics(const Reference& reference, const std::vector<std::size_t
   }
   // A camera that sees part of a fringe only leaves some harmonics undetermined.
   normal.diagonal().array() += 1e-9 * normal.trace() + 1e-300;
-  const Eigen::MatrixXd coefficients = normal.ldlt().solve(right);
+  const Eigen::MatrixXd coefficients = dense::SolveSymmetric(normal, right);
   for (std::size_t k = 0; k < samples.size(); ++k) {
     residuals.row(static_cast<Eigen::Index>(k)) -= row(k).transpose() * coefficients;
   }

@@ -1,6 +1,5 @@
 #include "fringe_fusion/diagnosis/sensor_noise.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <numeric>
 
 #include "chi_square.hpp"
+#include "common/dense.hpp"
 #include "noise_residuals.hpp"
 #include "stack_sampling.hpp"
 
@@ -88,16 +88,17 @@ TransferFit SolveStep(const NoiseResiduals& residuals, const Eigen::VectorXd& pr
   // Scaled to a unit diagonal: levels and squared amplitudes differ by orders of magnitude.
   const Eigen::VectorXd scale = normal.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::LDLT<Eigen::MatrixXd> solver(scaled);
-  const Eigen::VectorXd solution = scale.asDiagonal() * solver.solve(scale.cwiseProduct(right));
+  const Eigen::VectorXd solution =
+      scale.cwiseProduct(dense::SolveSymmetric(scaled, scale.cwiseProduct(right)));
   TransferFit fit;
   fit.active = active;
   fit.coefficients = Eigen::VectorXd::Zero(previous.size());
   for (Eigen::Index j = 0; j < size; ++j) {
     fit.coefficients[active[static_cast<std::size_t>(j)]] = solution[j];
   }
-  fit.covariance =
-      scale.asDiagonal() * solver.solve(Eigen::MatrixXd::Identity(size, size)) * scale.asDiagonal();
+  fit.covariance = scale.asDiagonal() *
+                   dense::SolveSymmetric(scaled, Eigen::MatrixXd::Identity(size, size)) *
+                   scale.asDiagonal();
   return fit;
 }
 

@@ -1,9 +1,9 @@
 #include "step_factors.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion::diagnosis {
 namespace {
@@ -61,7 +61,7 @@ struct Solution {
 
 Solution Solve(Eigen::MatrixXd normal, const Eigen::VectorXd& right) {
   normal.diagonal().array() += kRidge * normal.diagonal().maxCoeff() + 1e-300;
-  const Eigen::VectorXd factors = normal.ldlt().solve(right);
+  const Eigen::VectorXd factors = dense::SolveSymmetric(normal, right);
   return {std::sqrt(factors.squaredNorm() / static_cast<double>(factors.size())),
           right.dot(factors)};
 }
@@ -152,7 +152,7 @@ FrameFactors FitFrameFactors(const StepSamples& lit, const StepSamples& unlit,
                              const std::vector<std::size_t>& sets) {
   const std::vector<Eigen::Index> columns = ColumnsOf(lit, sets);
   const Eigen::MatrixXd design = PixelDesign(lit, sets, columns);
-  const Eigen::MatrixXd pseudo = design.completeOrthogonalDecomposition().pseudoInverse();
+  const Eigen::MatrixXd pseudo = dense::PseudoInverse(design);
   const Eigen::MatrixXd project =
       Eigen::MatrixXd::Identity(design.rows(), design.rows()) - design * pseudo;
   FactorSums sums(design.rows());

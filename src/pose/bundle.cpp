@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
@@ -345,11 +346,11 @@ int Bundle::Solve(BundleState& state, int max_iterations) const {
   for (int iteration = 1; iteration <= max_iterations; ++iteration) {
     const Eigen::MatrixXd basis = FreeBasis(state);
     const ReducedSystem system = Reduce(state, damping);
-    const Eigen::MatrixXd hessian = basis.transpose() * system.hessian * basis;
+    const Eigen::MatrixXd hessian = dense::Propagate(basis.transpose(), system.hessian);
     const Eigen::VectorXd gradient = basis.transpose() * system.gradient;
     Eigen::MatrixXd damped = hessian;
     damped.diagonal() *= 1.0 + damping;
-    const Eigen::VectorXd free_step = -damped.ldlt().solve(gradient);
+    const Eigen::VectorXd free_step = -dense::SolveSymmetric(damped, gradient);
     if (!free_step.allFinite()) return -1;
     const BundleState moved = Moved(state, basis * free_step, damping);
     const double moved_cost = Cost(moved);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
@@ -223,7 +224,7 @@ RigMotion CompareWithReference(const RelativePose& pose,
   RigMotion motion;
   motion.turn_deg = kDegPerRad * x.head<3>().norm();
   motion.direction_deg = kDegPerRad * x.tail<2>().norm();
-  motion.significance = std::sqrt(x.dot(covariance.ldlt().solve(x)));
+  motion.significance = std::sqrt(x.dot(epipolar::Vector5d(dense::SolveSymmetric(covariance, x))));
   const Eigen::Vector2d d = x.tail<2>();
   motion.camera_chi2 = d.dot(covariance.bottomRightCorner<2, 2>().inverse() * d);
   const Eigen::Matrix<double, 2, 5> G = ProjectorConditions(T_projector_camera_reference);

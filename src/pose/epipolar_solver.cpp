@@ -1,10 +1,10 @@
 #include "epipolar_solver.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::epipolar {
@@ -138,7 +138,7 @@ bool Descend(const std::vector<Ray>& rays, const RefineOptions& options, double 
   for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
     Matrix5d damped = sums.hessian;
     damped.diagonal() *= 1.0 + damping;
-    const Vector5d step = -damped.ldlt().solve(sums.gradient);
+    const Vector5d step = -dense::SolveSymmetric(damped, sums.gradient);
     if (!step.allFinite()) return false;
     const Geometry moved = Perturb(geometry, step);
     const Sums next = SumUp(rays, moved, options, scale);

@@ -1,10 +1,8 @@
 #include "fundamental.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <cmath>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/pose/self_calibration.hpp"
 
 namespace fringe_fusion::epipolar {
@@ -43,14 +41,14 @@ Eigen::Matrix3d EightPoint(const std::vector<Ray>& rays, const Eigen::Matrix3d& 
       row << o.x() * a, o.y() * a, o.z() * a;
       normal += weight * row * row.transpose();
     }
-    const Eigen::SelfAdjointEigenSolver<Matrix9> eigen(normal);
-    const Eigen::Matrix<double, 9, 1> f = eigen.eigenvectors().col(0);
+    const Eigen::Matrix<double, 9, 1> f = dense::DecomposeSymmetric(normal).vectors.col(0);
     Eigen::Matrix3d scaled;
     scaled << f.segment<3>(0).transpose(), f.segment<3>(3).transpose(), f.segment<3>(6).transpose();
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(scaled, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    Eigen::Vector3d s = svd.singularValues();
-    s[2] = 0.0;
-    F = T_o.transpose() * svd.matrixU() * s.asDiagonal() * svd.matrixV().transpose() * T_a;
+    const dense::SingularValues svd = dense::DecomposeSingular(scaled);
+    const Eigen::Matrix3d U = svd.U;
+    const Eigen::Matrix3d V = svd.V;
+    const Eigen::Vector3d s(svd.values[0], svd.values[1], 0.0);
+    F = T_o.transpose() * U * s.asDiagonal() * V.transpose() * T_a;
   }
   return F;
 }
@@ -68,8 +66,7 @@ Result<Eigen::Vector2d> FocalLengthsOf(const Eigen::Matrix3d& F,
   // Bougnoux eq. 12 for the device on the right of F; the other one by transposing.
   const auto squared = [&I](const Eigen::Matrix3d& M, const Eigen::Vector3d& p_right,
                             const Eigen::Vector3d& p_left) {
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU);
-    const Eigen::Matrix3d epipole = Hat(svd.matrixU().col(2));  // M^T e = 0
+    const Eigen::Matrix3d epipole = Hat(dense::DecomposeSingular(M).U.col(2));  // M^T e = 0
     const Eigen::RowVector3d left = p_left.transpose() * epipole * I * M;
     return -left.dot(p_right) * (p_right.dot(M.transpose() * p_left)) /
            (left * I * M.transpose() * p_left).value();

@@ -1,8 +1,10 @@
 #include "fringe_fusion/pose/match.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -54,8 +56,7 @@ Eigen::Vector2d Spread(const std::vector<Match>& matches, Eigen::Vector2d Match:
     scatter += d * d.transpose();
   }
   scatter /= static_cast<double>(matches.size());
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> eigen(scatter, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt();
+  return dense::SymmetricEigenvalues(scatter).cwiseMax(0.0).cwiseSqrt();
 }
 
 Status CheckSpread(const std::vector<Match>& matches, const DevicePair& devices,

@@ -1,9 +1,10 @@
 #include "fringe_fusion/pose/pose_scale.hpp"
 
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -45,11 +46,13 @@ Eigen::Matrix3d SolveRotation(const std::vector<MotionPair>& motions) {
     M += LogRotation(motion.T_camera0_camera1.linear()) *
          LogRotation(motion.T_tool0_tool1.linear()).transpose();
   }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const dense::SingularValues svd = dense::DecomposeSingular(M);
+  const Eigen::Matrix3d U = svd.U;
+  const Eigen::Matrix3d V = svd.V;
   Eigen::Vector3d signs = Eigen::Vector3d::Ones();
   // Two axes leave the sign of the third direction to the determinant.
-  signs.z() = (svd.matrixV() * svd.matrixU().transpose()).determinant();
-  return svd.matrixV() * signs.asDiagonal() * svd.matrixU().transpose();
+  signs.z() = (V * U.transpose()).determinant();
+  return V * signs.asDiagonal() * U.transpose();
 }
 
 }  // namespace
@@ -80,15 +83,15 @@ Result<MotionScale> ScaleFromMotion(const std::vector<MotionPair>& motions) {
     A.block<3, 1>(at, 3) = -R_X * motions[i].T_camera0_camera1.translation();
     b.segment<3>(at) = -tool.translation();
   }
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
-  const double condition = svd.singularValues()[0] / svd.singularValues()[3];
+  const dense::SingularValues svd = dense::DecomposeSingular(A);
+  const double condition = svd.values[0] / svd.values[3];
   if (!(condition <= kMaxCondition)) {
     return Fail(
         "scale: {} motions leave scale and mounting open (condition {:.2g}, limit {:.2g}): "
         "the camera must also be moved along",
         motions.size(), condition, kMaxCondition);
   }
-  const Eigen::Vector4d x = svd.solve(b);
+  const Eigen::Vector4d x = svd.V * (svd.U.transpose() * b).cwiseQuotient(svd.values);
   const double squared = (A * x - b).squaredNorm();
   MotionScale out;
   out.scale.scale = x[3];

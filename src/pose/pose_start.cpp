@@ -1,14 +1,14 @@
 #include "pose_start.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <random>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion::epipolar {
 namespace {
@@ -101,8 +101,7 @@ Eigen::Matrix3d SolveHomography(const std::vector<Ray>& rays, const std::vector<
     rows.block<1, 3>(1, 6) = -rays[i].observed.y() * a.transpose();
     normal += weights[i] * rows.transpose() * rows;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> eigen(normal);
-  const Eigen::Matrix<double, 9, 1> h = eigen.eigenvectors().col(0);
+  const Eigen::Matrix<double, 9, 1> h = dense::DecomposeSymmetric(normal).vectors.col(0);
   Eigen::Matrix3d H;
   H << h.segment<3>(0).transpose(), h.segment<3>(3).transpose(), h.segment<3>(6).transpose();
   return H;
@@ -160,11 +159,12 @@ double RotationOnlyResidual(const std::vector<Ray>& rays) {
       correlation += rays[i].observed.homogeneous().normalized() *
                      rays[i].anchor.homogeneous().normalized().transpose();
     }
-    const Eigen::JacobiSVD<Eigen::Matrix3d> svd(correlation,
-                                                Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const dense::SingularValues svd = dense::DecomposeSingular(correlation);
+    const Eigen::Matrix3d U = svd.U;
+    const Eigen::Matrix3d V = svd.V;
     Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-    signs.z() = (svd.matrixU() * svd.matrixV().transpose()).determinant();
-    const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+    signs.z() = (U * V.transpose()).determinant();
+    const Eigen::Matrix3d R = U * signs.asDiagonal() * V.transpose();
     median = MedianPlaneResidual(rays, R, residuals);
     limit = 2.5 * 1.4826 * median;
   }
@@ -180,9 +180,9 @@ double CheiralityRatio(const std::vector<Ray>& rays, const Geometry& geometry) {
 }
 
 Geometry DecomposeEssential(const Eigen::Matrix3d& essential, const std::vector<Ray>& rays) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d U = svd.matrixU();
-  Eigen::Matrix3d V = svd.matrixV();
+  const dense::SingularValues svd = dense::DecomposeSingular(essential);
+  Eigen::Matrix3d U = svd.U;
+  Eigen::Matrix3d V = svd.V;
   if (U.determinant() < 0.0) U.col(2) *= -1.0;
   if (V.determinant() < 0.0) V.col(2) *= -1.0;
   Eigen::Matrix3d W;

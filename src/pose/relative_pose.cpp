@@ -1,11 +1,10 @@
 #include "fringe_fusion/pose/relative_pose.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "pose_start.hpp"
 
@@ -118,14 +117,12 @@ double ScaledCondition(const Matrix5d& matrix) {
   const epipolar::Vector5d scale = matrix.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix5d scaled = scale.asDiagonal() * matrix * scale.asDiagonal();
   if (!scaled.allFinite()) return std::numeric_limits<double>::infinity();
-  const Eigen::SelfAdjointEigenSolver<Matrix5d> eigen(scaled, Eigen::EigenvaluesOnly);
-  const double smallest = eigen.eigenvalues()[0];
-  return smallest > 0.0 ? eigen.eigenvalues()[4] / smallest
-                        : std::numeric_limits<double>::infinity();
+  const epipolar::Vector5d values = dense::SymmetricEigenvalues(scaled);
+  return values[0] > 0.0 ? values[4] / values[0] : std::numeric_limits<double>::infinity();
 }
 
 Matrix5d CovarianceOf(const Refined& refined, bool symmetric) {
-  const Matrix5d inverse = refined.information.inverse();
+  const Matrix5d inverse = dense::Invert(refined.information);
   // The unweighted objective is no likelihood: its covariance needs the residuals themselves.
   if (symmetric) return inverse * refined.scatter * inverse;
   const double reduced = refined.chi2 / std::max(1, refined.num_inliers - 5);

@@ -1,12 +1,10 @@
 #include "fringe_fusion/pose/self_calibration.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fundamental.hpp"
@@ -162,7 +160,7 @@ bool PairProblem::Descend(State& state, double scale) const {
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     Matrix7d damped = sums.hessian;
     damped.diagonal() *= 1.0 + damping;
-    const Vector7d step = -damped.ldlt().solve(sums.gradient);
+    const Vector7d step = -dense::SolveSymmetric(damped, sums.gradient);
     if (!step.allFinite()) return false;
     State moved;
     moved.geometry = epipolar::Perturb(state.geometry, step.head<5>());
@@ -205,8 +203,8 @@ double FreeCondition(const Matrix7d& information, const std::vector<int>& free) 
     }
   }
   if (!scaled.allFinite()) return kFree;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled, Eigen::EigenvaluesOnly);
-  return eigen.eigenvalues()[0] > 0.0 ? eigen.eigenvalues()[n - 1] / eigen.eigenvalues()[0] : kFree;
+  const Eigen::VectorXd values = dense::SymmetricEigenvalues(scaled);
+  return values[0] > 0.0 ? values[n - 1] / values[0] : kFree;
 }
 
 Status CheckPriors(const IntrinsicsPrior& prior, const char* name) {
@@ -316,7 +314,7 @@ Matrix7d CovarianceOf(const Sums& sums, const std::vector<int>& free) {
           sums.hessian(free[static_cast<std::size_t>(r)], free[static_cast<std::size_t>(c)]);
     }
   }
-  const Eigen::MatrixXd inverse = information.inverse();
+  const Eigen::MatrixXd inverse = dense::Invert(information);
   const double reduced =
       std::max(1.0, sums.chi2 / std::max(1, sums.num_inliers - static_cast<int>(n)));
   Matrix7d covariance = Matrix7d::Zero();

@@ -1,12 +1,12 @@
 #include "fringe_fusion/pose/stations.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
 #include "bundle.hpp"
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -111,15 +111,13 @@ Weakness FindWeakness(const Eigen::MatrixXd& hessian, const Eigen::MatrixXd& bas
     out.name = "an unknown without any sighting";
     return out;
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(scaled);
   Eigen::Index worst = 0;
-  eigen.eigenvectors().col(0).cwiseAbs().maxCoeff(&worst);
+  eigen.vectors.col(0).cwiseAbs().maxCoeff(&worst);
   Eigen::Index full = 0;
   basis.col(worst).cwiseAbs().maxCoeff(&full);
   out.name = NameOf(full);
-  if (eigen.eigenvalues()[0] > 0.0) {
-    out.condition = eigen.eigenvalues()[scaled.rows() - 1] / eigen.eigenvalues()[0];
-  }
+  if (eigen.values[0] > 0.0) out.condition = eigen.values[scaled.rows() - 1] / eigen.values[0];
   return out;
 }
 
@@ -144,7 +142,7 @@ Status Conclude(const Bundle& bundle, const BundleState& state, const StationsCo
                 StationsSolution& solution) {
   const ReducedSystem system = bundle.Reduce(state, 0.0);
   const Eigen::MatrixXd basis = bundle.FreeBasis(state);
-  const Eigen::MatrixXd hessian = basis.transpose() * system.hessian * basis;
+  const Eigen::MatrixXd hessian = dense::Propagate(basis.transpose(), system.hessian);
   const Weakness weakness = FindWeakness(hessian, basis);
   solution.condition = weakness.condition;
   if (!(weakness.condition <= config.max_condition)) {
@@ -156,7 +154,7 @@ Status Conclude(const Bundle& bundle, const BundleState& state, const StationsCo
   const int dof = 2 * system.num_inliers - system.num_tracks - static_cast<int>(hessian.rows());
   solution.reduced_chi2 = system.chi2 / std::max(1, dof);
   solution.joint_covariance =
-      std::max(1.0, solution.reduced_chi2) * (basis * hessian.inverse() * basis.transpose());
+      std::max(1.0, solution.reduced_chi2) * dense::Propagate(basis, dense::Invert(hessian));
   solution.devices = state.devices;
   solution.T_station_anchor = state.T_station_anchor;
   solution.depth_m = state.depth_m;

@@ -1,6 +1,6 @@
 #include "fringe_fusion/pose/view.hpp"
 
-#include <Eigen/Eigenvalues>
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 
@@ -38,10 +38,9 @@ Status Validate(const View& view) {
     return Fail("{}: rotation is off by {} from orthonormal, limit 0.001", owner, orthogonality);
   }
   if (!view.pose.covariance.allFinite()) return Fail("{}: covariance is not finite", owner);
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(view.pose.covariance, Eigen::EigenvaluesOnly);
-  const double largest = eigen.eigenvalues()[5];
-  if (!(eigen.eigenvalues()[0] >= -1e-9 * (largest > 0.0 ? largest : 1.0))) {
-    return Fail("{}: covariance has the negative eigenvalue {}", owner, eigen.eigenvalues()[0]);
+  const Vector6d values = dense::SymmetricEigenvalues(view.pose.covariance);
+  if (!(values[0] >= -1e-9 * (values[5] > 0.0 ? values[5] : 1.0))) {
+    return Fail("{}: covariance has the negative eigenvalue {}", owner, values[0]);
   }
   if (CountValid(view.range) == 0) return Fail("{}: no valid point", owner);
   return {};

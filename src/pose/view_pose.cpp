@@ -1,13 +1,13 @@
 #include "fringe_fusion/pose/view_pose.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
+#include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 
 namespace fringe_fusion {
@@ -156,7 +156,7 @@ Result<RigPose> EstimateViewPose(const std::vector<LitPoint>& points, const Came
   Sums sums = SumUp(points, projector, T, config.huber_sigma, reject);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     scale = ScaleOf(sums.magnitudes);
-    const Vector6d step = -sums.hessian.ldlt().solve(sums.gradient);
+    const Vector6d step = -dense::SolveSymmetric(sums.hessian, sums.gradient);
     if (!step.allFinite())
       return Fail("view pose: the system of {} points is singular", points.size());
     T = T * Exp(step);
@@ -174,8 +174,8 @@ Result<RigPose> EstimateViewPose(const std::vector<LitPoint>& points, const Came
   }
   const Vector6d diagonal = sums.hessian.diagonal().cwiseSqrt().cwiseInverse();
   const Matrix6d scaled = diagonal.asDiagonal() * sums.hessian * diagonal.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(scaled, Eigen::EigenvaluesOnly);
-  const double condition = eigen.eigenvalues()[5] / eigen.eigenvalues()[0];
+  const Vector6d values = dense::SymmetricEigenvalues(scaled);
+  const double condition = values[5] / values[0];
   if (!(condition > 0.0) || !(condition <= config.max_condition)) {
     return Fail("view pose: the points do not determine a pose (condition {:.2g}, limit {:.2g})",
                 condition, config.max_condition);
@@ -186,7 +186,7 @@ Result<RigPose> EstimateViewPose(const std::vector<LitPoint>& points, const Came
   out.num_inliers = sums.num_inliers;
   out.rms_px = std::sqrt(sums.sum_px2 / (2.0 * sums.num_inliers));
   out.reduced_chi2 = sums.chi2 / std::max(1, 2 * sums.num_inliers - 6);
-  out.covariance = std::max(1.0, out.reduced_chi2) * sums.hessian.inverse();
+  out.covariance = std::max(1.0, out.reduced_chi2) * dense::Invert(sums.hessian);
   return out;
 }
 

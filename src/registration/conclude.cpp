@@ -1,10 +1,10 @@
 // What a solution says about every view, in figures and in words.
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <utility>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/registration/doubled_surface.hpp"
 #include "fringe_fusion/registration/weak_directions.hpp"
 #include "registration.hpp"
@@ -93,15 +93,15 @@ std::string NameSources(const std::vector<Source>& sources, double radius_m,
   Matrix6d B = Matrix6d::Identity();
   B.topLeftCorner<3, 3>() /= std::max(radius_m, 1e-9);
   B.bottomLeftCorner<3, 3>() = Hat(middle) / std::max(radius_m, 1e-9);
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(B.transpose() * total * B);
-  const Vector6d root =
-      eigen.eigenvalues().cwiseMax(1e-12 * eigen.eigenvalues()[5]).cwiseSqrt().cwiseInverse();
-  const Matrix6d whiten = B * eigen.eigenvectors() * root.asDiagonal();
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(B.transpose() * total * B);
+  const Vector6d root = eigen.values.cwiseMax(1e-12 * eigen.values[5]).cwiseSqrt().cwiseInverse();
+  const Matrix6d axes = eigen.vectors;
+  const Matrix6d whiten = B * axes * root.asDiagonal();
   std::string names;
   for (const Source& source : sources) {
-    const Eigen::SelfAdjointEigenSolver<Matrix6d> share(
-        whiten.transpose() * source.information * whiten, Eigen::EigenvaluesOnly);
-    if (!(share.eigenvalues()[5] >= kMinShare)) continue;
+    const Vector6d shares =
+        dense::SymmetricEigenvalues(whiten.transpose() * source.information * whiten);
+    if (!(shares[5] >= kMinShare)) continue;
     names += (names.empty() ? "" : " + ") + source.name;
   }
   return names;

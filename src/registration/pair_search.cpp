@@ -1,10 +1,10 @@
 #include "pair_search.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <random>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/registration/pose_system.hpp"
 
 namespace fringe_fusion::internal {
@@ -151,8 +151,8 @@ Transform Refine(const SurfaceSet& set, const PairNumbers& pair, const Transform
     const PairInformation sum = SumPair(matches.pairs.front(), set, poses);
     // Twist of the first view in the frame of the object: the second one moves the other way.
     const Matrix6d damped = sum.hessian + 1e-6 * sum.hessian.trace() * Matrix6d::Identity();
-    const Vector6d y = -damped.ldlt().solve(sum.gradient);
-    const Vector6d twist = sum.S.partialPivLu().solve(y);
+    const Vector6d y = -dense::SolveSymmetric(damped, sum.gradient);
+    const Vector6d twist = dense::Solve(sum.S, y);
     if (!twist.allFinite()) break;
     poses[At(pair.second)] = Exp(-twist) * poses[At(pair.second)];
   }

@@ -1,9 +1,9 @@
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/registration/pose_system.hpp"
 
 namespace fringe_fusion {
@@ -145,7 +145,7 @@ double FitMountings(const ChainTerm& chain, PoseState& state) {
     System system(12);
     system.far_off = true;
     AddChain(chain, held, state, 0, system);
-    const Eigen::VectorXd step = -system.hessian.ldlt().solve(system.gradient);
+    const Eigen::VectorXd step = -dense::SolveSymmetric(system.hessian, system.gradient);
     if (!step.allFinite()) return INFINITY;
     state.T_object_base = state.T_object_base * Exp(step.head<6>());
     state.T_flange_camera = state.T_flange_camera * Exp(step.tail<6>());
@@ -224,8 +224,9 @@ Result<PoseStep> SolvePoses(const std::vector<PairInformation>& pairs, const Pos
   }
   for (const PoseTie& tie : terms.ties) AddTie(tie, slot, state, system);
   if (terms.chain) AddChain(*terms.chain, slot, state, num_free, system);
-  const Eigen::VectorXd step = -system.hessian.ldlt().solve(system.gradient);
-  const Eigen::MatrixXd covariance = system.information.ldlt().solve(
+  const Eigen::VectorXd step = -dense::SolveSymmetric(system.hessian, system.gradient);
+  const Eigen::MatrixXd covariance = dense::SolveSymmetric(
+      system.information,
       Eigen::MatrixXd::Identity(system.information.rows(), system.information.cols()));
   if (!step.allFinite() || !covariance.allFinite()) {
     return Fail("registration: the system of {} poses has no finite solution", num_free);

@@ -1,8 +1,9 @@
 #include "fringe_fusion/registration/pose_system.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -41,8 +42,9 @@ Vector6d Row(const Eigen::Vector3d& arm, const Eigen::Vector3d& normal, double r
 
 // Keeps the directions in which `noise` takes less than half of the Hessian.
 void DropEmptyDirections(PairInformation& pair, const Matrix6d& noise) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(pair.hessian);
-  const Vector6d values = eigen.eigenvalues();
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(pair.hessian);
+  const Vector6d values = eigen.values;
+  const Matrix6d axes = eigen.vectors;
   Vector6d root = Vector6d::Zero();
   Vector6d inverse_root = Vector6d::Zero();
   for (int i = 0; i < 6; ++i) {
@@ -52,20 +54,21 @@ void DropEmptyDirections(PairInformation& pair, const Matrix6d& noise) {
   }
   // In the whitened coordinates the Hessian is the identity and the noise has eigenvalues 0..1;
   // directions already dropped have zero columns in both maps and stay out.
-  const Matrix6d whiten = eigen.eigenvectors() * inverse_root.asDiagonal();
-  const Matrix6d color = eigen.eigenvectors() * root.asDiagonal();
+  const Matrix6d whiten = axes * inverse_root.asDiagonal();
+  const Matrix6d color = axes * root.asDiagonal();
   const Matrix6d white_noise = whiten.transpose() * noise * whiten;
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> split(white_noise);
+  const dense::SymmetricEigen split = dense::DecomposeSymmetric(white_noise);
+  const Matrix6d split_axes = split.vectors;
   Vector6d keep = Vector6d::Zero();
   Vector6d true_share = Vector6d::Zero();
   for (int i = 0; i < 6; ++i) {
-    const double share = 1.0 - split.eigenvalues()[i];
+    const double share = 1.0 - split.values[i];
     if (!(share >= kMinTrueInformation)) continue;
     keep[i] = 1.0;
     true_share[i] = share;
   }
-  const Matrix6d basis = color * split.eigenvectors();
-  const Matrix6d dual = whiten * split.eigenvectors();
+  const Matrix6d basis = color * split_axes;
+  const Matrix6d dual = whiten * split_axes;
   const Vector6d kept_gradient = keep.cwiseProduct(dual.transpose() * pair.gradient);
   pair.gradient = basis * kept_gradient;
   pair.hessian = basis * keep.asDiagonal() * basis.transpose();
@@ -106,10 +109,10 @@ PairInformation SumPair(const ViewPair& pair, const SurfaceSet& set,
 }
 
 Matrix6d InformationOf(const Matrix6d& covariance) {
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(covariance);
-  const Vector6d values = eigen.eigenvalues().cwiseMax(kMinPriorSigma * kMinPriorSigma);
-  return eigen.eigenvectors() * values.cwiseInverse().asDiagonal() *
-         eigen.eigenvectors().transpose();
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(covariance);
+  const Vector6d values = eigen.values.cwiseMax(kMinPriorSigma * kMinPriorSigma);
+  const Matrix6d axes = eigen.vectors;
+  return axes * values.cwiseInverse().asDiagonal() * axes.transpose();
 }
 
 }  // namespace fringe_fusion

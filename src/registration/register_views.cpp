@@ -1,11 +1,10 @@
 #include "fringe_fusion/registration/register_views.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "common/dense.hpp"
 #include "registration.hpp"
 
 namespace fringe_fusion {
@@ -57,9 +56,8 @@ bool MayBeFarOff(const Registration& registration, const SurfaceSet& set, double
     Eigen::Matrix<double, 3, 6> J;
     J << -Hat(set.surfaces[i].centroid()), Eigen::Matrix3d::Identity();
     const Eigen::Matrix3d covariance =
-        J * constraints[i].information.ldlt().solve(J.transpose().eval());
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance, Eigen::EigenvaluesOnly);
-    const double sigma_m = std::sqrt(axes.eigenvalues()[2]);
+        J * dense::SolveSymmetric(constraints[i].information, J.transpose());
+    const double sigma_m = std::sqrt(dense::SymmetricEigenvalues(covariance)[2]);
     if (!(kMaxPriorSigma * sigma_m < radius_m)) return true;
   }
   return false;

@@ -1,8 +1,9 @@
 #include "fringe_fusion/registration/view_graph.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <set>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -18,10 +19,10 @@ Status CheckTransform(const Transform& T, const std::string& owner) {
 
 Status CheckCovariance(const Matrix6d& covariance, const std::string& owner) {
   if (!covariance.allFinite()) return Fail("{}: covariance is not finite", owner);
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(covariance, Eigen::EigenvaluesOnly);
-  if (!(eigen.eigenvalues()[5] > 0.0)) return Fail("{}: covariance is zero", owner);
-  if (!(eigen.eigenvalues()[0] >= -1e-9 * eigen.eigenvalues()[5])) {
-    return Fail("{}: covariance has the negative eigenvalue {}", owner, eigen.eigenvalues()[0]);
+  const Vector6d values = dense::SymmetricEigenvalues(covariance);
+  if (!(values[5] > 0.0)) return Fail("{}: covariance is zero", owner);
+  if (!(values[0] >= -1e-9 * values[5])) {
+    return Fail("{}: covariance has the negative eigenvalue {}", owner, values[0]);
   }
   return {};
 }

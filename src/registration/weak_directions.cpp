@@ -1,11 +1,10 @@
 #include "fringe_fusion/registration/weak_directions.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -25,7 +24,7 @@ Eigen::Vector3d CenterOf(const Eigen::MatrixXd& turns, const Eigen::MatrixXd& sh
     normal += H.transpose() * H;
     right += H.transpose() * -shifts.col(k);
   }
-  return middle + normal.ldlt().solve(right);
+  return middle + Eigen::Vector3d(dense::SolveSymmetric(normal, right));
 }
 
 std::string Text(const Eigen::Vector3d& v, double scale, int digits) {
@@ -54,17 +53,15 @@ WeakDirections FindWeakDirections(const Matrix6d& information, const Eigen::Vect
   B.topLeftCorner<3, 3>() = Eigen::Matrix3d::Identity() / radius;
   B.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity();
   B.bottomLeftCorner<3, 3>() = Hat(middle) / radius;
-  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(B.transpose() * information * B);
-  const Vector6d values = eigen.eigenvalues();
+  const dense::SymmetricEigen eigen = dense::DecomposeSymmetric(B.transpose() * information * B);
+  const Vector6d values = eigen.values;
   if (!(values[5] > 0.0)) return weak;
   while (weak.count < 6 && values[weak.count] < kWeakInformation * values[5]) ++weak.count;
   if (weak.count == 0) return weak;
-  const Eigen::MatrixXd twists = eigen.eigenvectors().leftCols(weak.count);
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(twists.topRows(3),
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::VectorXd sizes = svd.singularValues();
-  const int num_turns = static_cast<int>((sizes.array() > kTurn).count());
-  const Eigen::MatrixXd sorted = twists * svd.matrixV();
+  const Eigen::MatrixXd twists = eigen.vectors.leftCols(weak.count);
+  const dense::SingularValues svd = dense::DecomposeSingular(twists.topRows(3));
+  const int num_turns = static_cast<int>((svd.values.array() > kTurn).count());
+  const Eigen::MatrixXd sorted = twists * svd.V;
   const Eigen::MatrixXd turns = sorted.topLeftCorner(3, num_turns) / radius;
   const Eigen::MatrixXd shifts = sorted.bottomLeftCorner(3, num_turns);
   const int num_slides = weak.count - num_turns;
