@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 
 #include "cell_scene.hpp"
 #include "fringe_fusion/calibration/error_field.hpp"
