@@ -223,7 +223,8 @@ void FillCovariance(const CellRun& run, const Reduced& reduced, const SharedCova
     if (!result.poses[i].used) continue;
     used.push_back(i);
     const std::size_t b = stations[i].block;
-    coupling.emplace_back((reduced.block_inverse[b] * reduced.block_coupling[b]).topRows(6));
+    coupling.push_back(
+        dense::Product(reduced.block_inverse[b].topRows(6), reduced.block_coupling[b]));
   }
   const auto num_used = static_cast<Eigen::Index>(used.size());
   Eigen::MatrixXd& joint = result.joint_covariance;
@@ -232,12 +233,12 @@ void FillCovariance(const CellRun& run, const Reduced& reduced, const SharedCova
   joint.topLeftCorner<kNumCellParameters, kNumCellParameters>() = result.covariance;
   for (std::size_t k = 0; k < used.size(); ++k) {
     const Eigen::Index at = kNumCellParameters + 6 * static_cast<Eigen::Index>(k);
-    const Eigen::MatrixXd cross = -coupling[k] * shared.covariance;
+    const Eigen::MatrixXd cross = -dense::Product(coupling[k], shared.covariance);
     joint.block<6, kNumCellParameters>(at, 0) = cross.leftCols<kNumCellParameters>();
     joint.block<kNumCellParameters, 6>(0, at) = cross.leftCols<kNumCellParameters>().transpose();
     for (std::size_t m = 0; m <= k; ++m) {
       const Eigen::Index other = kNumCellParameters + 6 * static_cast<Eigen::Index>(m);
-      Matrix6d block = -cross * coupling[m].transpose();
+      Matrix6d block = -dense::Product(cross, coupling[m].transpose());
       if (stations[used[m]].block == stations[used[k]].block) {
         block += reduced.block_inverse[stations[used[k]].block].topLeftCorner<6, 6>();
       }

@@ -50,6 +50,8 @@ MatrixXd PseudoInverse(const Ref<const MatrixXd>& A) {
   return Eigen::CompleteOrthogonalDecomposition<MatrixXd>(A).pseudoInverse();
 }
 
+MatrixXd Product(const Ref<const MatrixXd>& A, const Ref<const MatrixXd>& B) { return A * B; }
+
 MatrixXd Propagate(const Ref<const MatrixXd>& J, const Ref<const MatrixXd>& A) {
   return J * A * J.transpose();
 }

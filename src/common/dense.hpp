@@ -69,6 +69,12 @@ struct SingularValues {
 /// @return n x m.
 [[nodiscard]] Eigen::MatrixXd PseudoInverse(const Eigen::Ref<const Eigen::MatrixXd>& A);
 
+/// A B.
+/// @param A m x k.
+/// @param B k x n.
+[[nodiscard]] Eigen::MatrixXd Product(const Eigen::Ref<const Eigen::MatrixXd>& A,
+                                      const Eigen::Ref<const Eigen::MatrixXd>& B);
+
 /// J A J^T: the covariance of J x when A is that of x.
 /// @param J m x n.
 /// @param A n x n.

@@ -249,26 +249,20 @@ void Bundle::AddPriors(const BundleState& state, ReducedSystem& system) const {
 
 Eigen::MatrixXd Bundle::FreeBasis(const BundleState& state) const {
   const auto size = static_cast<Eigen::Index>(8 + 6 * state.T_station_anchor.size());
-  std::vector<Eigen::VectorXd> columns;
+  Eigen::MatrixXd basis = Eigen::MatrixXd::Zero(size, size);
+  Eigen::Index column = 0;
   for (Eigen::Index k = 0; k < 8; ++k) {
-    if (prior_sigma_[k] > 0.0) columns.push_back(Eigen::VectorXd::Unit(size, k));
+    if (prior_sigma_[k] > 0.0) basis(k, column++) = 1.0;
   }
   // Station 0 keeps its distance: its translation moves across itself only.
   const Transform& first = state.T_station_anchor.front();
-  for (Eigen::Index k = 0; k < 3; ++k) columns.push_back(Eigen::VectorXd::Unit(size, 8 + k));
+  for (Eigen::Index k = 8; k < 11; ++k) basis(k, column++) = 1.0;
   const Matrix32d across =
       first.linear().transpose() * TangentBasis(first.translation().normalized());
-  for (Eigen::Index k = 0; k < 2; ++k) {
-    Eigen::VectorXd column = Eigen::VectorXd::Zero(size);
-    column.segment<3>(11) = across.col(k);
-    columns.push_back(column);
-  }
-  for (Eigen::Index k = 14; k < size; ++k) columns.push_back(Eigen::VectorXd::Unit(size, k));
-  Eigen::MatrixXd basis(size, static_cast<Eigen::Index>(columns.size()));
-  for (std::size_t k = 0; k < columns.size(); ++k) {
-    basis.col(static_cast<Eigen::Index>(k)) = columns[k];
-  }
-  return basis;
+  basis.block<3, 2>(11, column) = across;
+  column += 2;
+  for (Eigen::Index k = 14; k < size; ++k) basis(k, column++) = 1.0;
+  return basis.leftCols(column);
 }
 
 double Bundle::Cost(const BundleState& state) const {
@@ -347,12 +341,12 @@ int Bundle::Solve(BundleState& state, int max_iterations) const {
     const Eigen::MatrixXd basis = FreeBasis(state);
     const ReducedSystem system = Reduce(state, damping);
     const Eigen::MatrixXd hessian = dense::Propagate(basis.transpose(), system.hessian);
-    const Eigen::VectorXd gradient = basis.transpose() * system.gradient;
+    const Eigen::VectorXd gradient = dense::Product(basis.transpose(), system.gradient);
     Eigen::MatrixXd damped = hessian;
     damped.diagonal() *= 1.0 + damping;
     const Eigen::VectorXd free_step = -dense::SolveSymmetric(damped, gradient);
     if (!free_step.allFinite()) return -1;
-    const BundleState moved = Moved(state, basis * free_step, damping);
+    const BundleState moved = Moved(state, dense::Product(basis, free_step), damping);
     const double moved_cost = Cost(moved);
     if (moved_cost <= cost) {
       const double size = std::sqrt(std::max(0.0, free_step.dot(hessian * free_step)));

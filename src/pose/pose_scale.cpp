@@ -91,8 +91,8 @@ Result<MotionScale> ScaleFromMotion(const std::vector<MotionPair>& motions) {
         "the camera must also be moved along",
         motions.size(), condition, kMaxCondition);
   }
-  const Eigen::Vector4d x = svd.V * (svd.U.transpose() * b).cwiseQuotient(svd.values);
-  const double squared = (A * x - b).squaredNorm();
+  const Eigen::Vector4d x = dense::LeastSquares(A, b);
+  const double squared = (dense::Product(A, x) - b).squaredNorm();
   MotionScale out;
   out.scale.scale = x[3];
   if (!(x[3] > 0.0)) {
@@ -101,9 +101,10 @@ Result<MotionScale> ScaleFromMotion(const std::vector<MotionPair>& motions) {
         "together",
         x[3], motions.size());
   }
-  const Eigen::Matrix4d inverse = (A.transpose() * A).inverse();
+  // (A^T A)^-1 = V diag(values)^-2 V^T.
+  const double variance = svd.V.row(3).transpose().cwiseQuotient(svd.values).squaredNorm();
   const double dof = std::max(1.0, static_cast<double>(rows - 4));
-  out.scale.sigma = std::sqrt(squared / dof * inverse(3, 3));
+  out.scale.sigma = std::sqrt(squared / dof * variance);
   out.rms_m = std::sqrt(squared / static_cast<double>(rows));
   out.T_tool_camera.linear() = R_X;
   out.T_tool_camera.translation() = x.head<3>();

@@ -61,7 +61,7 @@ WeakDirections FindWeakDirections(const Matrix6d& information, const Eigen::Vect
   const Eigen::MatrixXd twists = eigen.vectors.leftCols(weak.count);
   const dense::SingularValues svd = dense::DecomposeSingular(twists.topRows(3));
   const int num_turns = static_cast<int>((svd.values.array() > kTurn).count());
-  const Eigen::MatrixXd sorted = twists * svd.V;
+  const Eigen::MatrixXd sorted = dense::Product(twists, svd.V);
   const Eigen::MatrixXd turns = sorted.topLeftCorner(3, num_turns) / radius;
   const Eigen::MatrixXd shifts = sorted.bottomLeftCorner(3, num_turns);
   const int num_slides = weak.count - num_turns;

@@ -131,6 +131,19 @@ TEST(Dense, PseudoInverseMeetsPenrose) {
   ExpectNear((P * deficient).transpose(), P * deficient);
 }
 
+TEST(Dense, MultipliesElementByElement) {
+  const MatrixXd A = Rectangle(3, 5);
+  const MatrixXd B = Rectangle(5, 2);
+  const MatrixXd C = Product(A, B);
+  ASSERT_EQ(C.rows(), 3);
+  ASSERT_EQ(C.cols(), 2);
+  for (Eigen::Index i = 0; i < C.rows(); ++i) {
+    for (Eigen::Index j = 0; j < C.cols(); ++j) {
+      EXPECT_NEAR(C(i, j), A.row(i).dot(B.col(j)), kRounding);
+    }
+  }
+}
+
 TEST(Dense, PropagatesCovariance) {
   const MatrixXd J = Rectangle(2, 4);
   ExpectNear(Propagate(J, Positive()), J * Positive() * J.transpose());
