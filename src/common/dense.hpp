@@ -69,6 +69,25 @@ struct SingularValues {
 /// @return n x m.
 [[nodiscard]] Eigen::MatrixXd PseudoInverse(const Eigen::Ref<const Eigen::MatrixXd>& A);
 
+/// What SolveConstrained finds.
+struct Constrained {
+  Eigen::VectorXd x;         ///< n
+  Eigen::VectorXd c;         ///< k
+  Eigen::VectorXd diagonal;  ///< of Z (Z^T K Z)^-1 Z^T, n; empty when not asked for
+};
+
+/// x and c of K x + P c = d with P^T x = 0. With P = Q R and Z the columns of Q beyond the rank,
+/// x = Z l keeps the side condition, and one Cholesky factorisation of Z^T K Z gives l.
+/// @param K n x n, symmetric, positive definite on the x that keep the side condition.
+/// @param P n x k with k <= n. Columns beyond its rank get a coefficient of 0.
+/// @param d n.
+/// @param rank_threshold smallest pivot of P, as a share of the largest, that counts.
+/// @param with_diagonal costs as much again as the factorisation, and another n x n.
+/// @return nothing when Z^T K Z is not positive definite.
+[[nodiscard]] std::optional<Constrained> SolveConstrained(
+    const Eigen::Ref<const Eigen::MatrixXd>& K, const Eigen::Ref<const Eigen::MatrixXd>& P,
+    const Eigen::Ref<const Eigen::VectorXd>& d, double rank_threshold, bool with_diagonal);
+
 /// A B.
 /// @param A m x k.
 /// @param B k x n.

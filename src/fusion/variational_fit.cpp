@@ -1,10 +1,10 @@
 #include "variational_fit.hpp"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
@@ -190,7 +190,7 @@ Eigen::MatrixXd LocalFit::System::Matrix(double alpha) const {
     matrix(j, j) += alpha * fj.variance;
   }
   const Eigen::MatrixXd quadratics = QuadraticMatrix();
-  matrix.noalias() += alpha * quadratics * quadratics.transpose();
+  matrix += alpha * dense::Product(quadratics, quadratics.transpose());
   return matrix;
 }
 
@@ -223,8 +223,6 @@ Eigen::VectorXd LocalFit::System::Targets() const {
   return targets;
 }
 
-// With P = Q R, lambda = Q2 l keeps the side condition P^T lambda = 0, and Q2^T (K + alpha D) Q2 is
-// positive definite: one Cholesky factorisation.
 std::optional<LocalFit> LocalFit::Solve(const std::vector<Center>& centers,
                                         const std::vector<int>& order,
                                         const FitSettings& settings) {
@@ -235,51 +233,26 @@ std::optional<LocalFit> LocalFit::Solve(const std::vector<Center>& centers,
   const double alpha =
       SmoothingFactor(settings.kernel, kSupport, settings.smoothing.width / s,
                       settings.smoothing.density * s * s, settings.smoothing.sigma / s);
-  const Eigen::MatrixXd polynomials = system.PolynomialMatrix();
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(polynomials);
   constexpr double kRankThreshold = 1e-5;
-  qr.setThreshold(kRankThreshold);
-  const Eigen::Index rank = qr.rank();
-  const auto n = static_cast<Eigen::Index>(system.functionals.size());
-  const Eigen::Index rest = n - rank;
-  const auto q = qr.householderQ().setLength(rank);
-  const Eigen::MatrixXd matrix = system.Matrix(alpha);
-  Eigen::MatrixXd turned = matrix;
-  turned.applyOnTheLeft(q.adjoint());
-  turned.applyOnTheRight(q);
-  Eigen::LLT<Eigen::MatrixXd> cholesky(turned.bottomRightCorner(rest, rest));
-  if (cholesky.info() != Eigen::Success) return std::nullopt;
-
-  const Eigen::VectorXd targets = system.Targets();
-  Eigen::VectorXd turned_targets = targets;
-  turned_targets.applyOnTheLeft(q.adjoint());
-  Eigen::VectorXd solution = Eigen::VectorXd::Zero(n);
-  solution.tail(rest) = cholesky.solve(turned_targets.tail(rest));
-  const Eigen::VectorXd of_polynomial =
-      turned_targets.head(rank) - turned.topRightCorner(rank, rest) * solution.tail(rest);
-  solution.applyOnTheLeft(q);
-  // The columns beyond the rank add nothing that the points could tell.
-  Eigen::Vector4d coefficients = Eigen::Vector4d::Zero();
-  coefficients.head(rank) =
-      qr.matrixQR().topLeftCorner(rank, rank).triangularView<Eigen::Upper>().solve(of_polynomial);
-  system.polynomial = qr.colsPermutation() * coefficients;
-  system.quadratic = alpha * system.QuadraticMatrix().transpose() * solution;
-  if (!solution.allFinite() || !system.polynomial.allFinite()) return std::nullopt;
+  constexpr std::size_t kMaxForSigma = 2500;
+  const bool with_sigma = system.functionals.size() <= kMaxForSigma;
+  const auto solved = dense::SolveConstrained(system.Matrix(alpha), system.PolynomialMatrix(),
+                                              system.Targets(), kRankThreshold, with_sigma);
+  if (!solved) return std::nullopt;
+  // Columns beyond the rank add nothing that the points could tell: they are 0.
+  system.polynomial = solved->c;
+  system.quadratic = alpha * dense::Product(system.QuadraticMatrix().transpose(), solved->x);
+  if (!solved->x.allFinite() || !system.polynomial.allFinite()) return std::nullopt;
 
   LocalFit fit;
   fit.alpha_ = alpha;
-  fit.Store(system, solution);
-  // Posterior variance s^2 (1 - alpha s^2 S_ii) of f at the centres, with S = Q2 (..)^-1 Q2^T.
-  constexpr Eigen::Index kMaxForSigma = 2500;
-  if (n <= kMaxForSigma) {
-    Eigen::MatrixXd columns = Eigen::MatrixXd::Identity(n, n);
-    columns.applyOnTheLeft(q.adjoint());
-    Eigen::MatrixXd half = columns.bottomRows(rest);
-    cholesky.matrixL().solveInPlace(half);
+  fit.Store(system, solved->x);
+  if (with_sigma) {
+    // Posterior variance s^2 (1 - alpha s^2 S_ii) of f at the centres, with S = Z (..)^-1 Z^T.
     fit.sigma_.resize(static_cast<Eigen::Index>(order.size()));
     for (Eigen::Index i = 0; i < fit.sigma_.size(); ++i) {
       const double variance = system.functionals[static_cast<std::size_t>(i)].variance;
-      const double left = 1.0 - alpha * variance * half.col(i).squaredNorm();
+      const double left = 1.0 - alpha * variance * solved->diagonal[i];
       fit.sigma_[i] = static_cast<float>(s * std::sqrt(variance * std::max(0.0, left)));
     }
   }

@@ -131,6 +131,40 @@ TEST(Dense, PseudoInverseMeetsPenrose) {
   ExpectNear((P * deficient).transpose(), P * deficient);
 }
 
+TEST(Dense, ConstrainedMeetsBothEquations) {
+  const MatrixXd K = Symmetric(VectorXd::LinSpaced(6, 1.0, 5.0));
+  const MatrixXd P = Rectangle(6, 2);
+  const VectorXd d = VectorXd::LinSpaced(6, -1.0, 4.0);
+  const auto solved = SolveConstrained(K, P, d, 1e-9, true);
+  ASSERT_TRUE(solved.has_value());
+  ExpectNear(K * solved->x + P * solved->c, d);
+  ExpectNear(P.transpose() * solved->x, MatrixXd::Zero(2, 1));
+  // The solution is linear in d, by the matrix whose diagonal is given.
+  for (Eigen::Index i = 0; i < 6; ++i) {
+    const auto column = SolveConstrained(K, P, VectorXd::Unit(6, i), 1e-9, false);
+    ASSERT_TRUE(column.has_value());
+    EXPECT_NEAR(column->x[i], solved->diagonal[i], kRounding);
+    EXPECT_EQ(column->diagonal.size(), 0);
+  }
+}
+
+TEST(Dense, ConstrainedGivesSpareColumnsNothing) {
+  MatrixXd P = Rectangle(5, 3);
+  P.col(2) = 0.5 * P.col(0);
+  const VectorXd d = VectorXd::LinSpaced(5, -1.0, 4.0);
+  const auto solved = SolveConstrained(MatrixXd::Identity(5, 5), P, d, 1e-9, false);
+  ASSERT_TRUE(solved.has_value());
+  ExpectNear(solved->x + P * solved->c, d);
+  EXPECT_EQ((solved->c.array() == 0.0).count(), 1);
+}
+
+TEST(Dense, ConstrainedNeedsPositiveOnlyWithinTheCondition) {
+  const MatrixXd K = Eigen::Vector3d(-1.0, 2.0, 3.0).asDiagonal();
+  const VectorXd d = Eigen::Vector3d(1.0, 2.0, 3.0);
+  EXPECT_TRUE(SolveConstrained(K, Eigen::Vector3d::UnitX(), d, 1e-9, false));
+  EXPECT_FALSE(SolveConstrained(K, Eigen::Vector3d::UnitY(), d, 1e-9, false));
+}
+
 TEST(Dense, MultipliesElementByElement) {
   const MatrixXd A = Rectangle(3, 5);
   const MatrixXd B = Rectangle(5, 2);
