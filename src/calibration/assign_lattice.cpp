@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/calibration/target_print.hpp"
 
 namespace fringe_fusion::internal {
@@ -151,7 +152,7 @@ class Assigner {
       normal += row * row.transpose();
       right += row * Pixel(i).transpose();
     }
-    const Eigen::Vector2d x_axis = normal.ldlt().solve(right).row(0).transpose();
+    const Eigen::Vector2d x_axis = dense::SolveSymmetric(normal, right).row(0).transpose();
     return x_axis.x() / x_axis.norm();
   }
 

@@ -1,11 +1,11 @@
 #include "fringe_fusion/fusion/view_agreement.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 
+#include "common/dense.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "model_impl.hpp"
 #include "point_sums.hpp"
@@ -100,12 +100,10 @@ Eigen::Vector3d ShiftOnto(const std::vector<Residual>& residuals, double scale) 
       normal_matrix += weight * r.normal * r.normal.transpose();
       right -= weight * r.distance_m * r.normal;
     }
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(normal_matrix);
+    const Eigen::Vector3d values = dense::SymmetricEigenvalues(normal_matrix);
     constexpr double kMinEigenRatio = 0.01;
-    if (!(solver.eigenvalues()[0] > kMinEigenRatio * solver.eigenvalues()[2])) {
-      return Eigen::Vector3d::Zero();
-    }
-    shift = normal_matrix.ldlt().solve(right);
+    if (!(values[0] > kMinEigenRatio * values[2])) return Eigen::Vector3d::Zero();
+    shift = dense::SolveSymmetric(normal_matrix, right);
   }
   return shift;
 }

@@ -1,9 +1,10 @@
 #include "fringe_fusion/registration/grid_projection.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <vector>
+
+#include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -102,7 +103,7 @@ std::optional<GridProjection> GridProjection::Fit(const RangeImage& range) {
     normal.noalias() += terms * terms.transpose();
     right.noalias() += terms * some[i].pixel.cast<double>().transpose();
   }
-  grid.coefficients_ = normal.ldlt().solve(right).transpose().cast<float>();
+  grid.coefficients_ = dense::SolveSymmetric(normal, right).transpose().cast<float>();
   if (!grid.coefficients_.allFinite()) return std::nullopt;
   std::size_t off = 0;
   for (std::size_t i = 0; i < some.size(); ++i) {
