@@ -8,13 +8,12 @@
 #include <optional>
 #include <set>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "fringe_fusion/calibration/target_print.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// One way to lay the target over the lattice: place in the target = turn * place + shift.
 struct Laying {

@@ -5,15 +5,13 @@
 #include <limits>
 
 #include "cell_run.hpp"
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
 
 using namespace bundle;  // NOLINT(google-build-using-namespace): the steps of this one solver
-
-constexpr int kSolveIterations = 50;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 constexpr std::array<const char*, 9> kModelNames = {"fx", "fy", "cx", "cy", "k1",
                                                     "k2", "p1", "p2", "k3"};

@@ -4,6 +4,7 @@
 #include <limits>
 #include <utility>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "device_rows.hpp"
 #include "dot_image.hpp"
@@ -12,7 +13,6 @@
 namespace fringe_fusion::bundle {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kPose = kNumCellParameters;       // first column of the pose
 constexpr int kPoint = kNumCellParameters + 6;  // first column of the point
 constexpr double kMaxDamping = 1e12;

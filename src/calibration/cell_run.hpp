@@ -8,6 +8,8 @@
 
 namespace fringe_fusion::bundle {
 
+constexpr int kSolveIterations = 50;
+
 /// A calibration on its way: what the steps of CalibrateCell hand on to each other.
 struct CellRun {
   CalibrationConfig config;

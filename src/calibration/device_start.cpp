@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "cell_data.hpp"
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 
 namespace fringe_fusion::bundle {
@@ -10,7 +11,6 @@ namespace {
 
 constexpr std::size_t kMaxStartPoses = 12;
 constexpr int kStartIterations = 12;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Stations of one device alone, as a problem of its own.
 CellProblem DeviceProblem(const CellData& data, std::size_t device,

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "cell_problem.hpp"
+#include "common/constants.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -182,7 +183,6 @@ ErrorField PredictErrorField(const CellCalibration& calibration, const CellCovar
 }
 
 Volume CalibratedVolume(const CellCalibrationResult& result) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Volume volume{Eigen::Vector3d::Constant(kInfinity), Eigen::Vector3d::Constant(-kInfinity)};
   for (const CellResidual& residual : result.residuals) {
     if (residual.in_projector) continue;

@@ -3,25 +3,25 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "common/constants.hpp"
 #include "feature.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kRing = 32;        // samples on the ring around a corner
 constexpr double kRadius = 5.0;  // of the ring [px of the level]
 constexpr int kBorder = 8;       // ring and derivatives stay inside
 constexpr int kMaxCandidates = 20000;
 
-struct Candidate {
+struct Saddle {
   int x = 0;
   int y = 0;
   float strength = 0.0F;
 };
 
 /// Local maxima of the saddle strength -det(Hessian).
-std::vector<Candidate> SaddlePoints(const cv::Mat& smooth) {
+std::vector<Saddle> SaddlePoints(const cv::Mat& smooth) {
   cv::Mat xx;
   cv::Mat yy;
   cv::Mat xy;
@@ -31,7 +31,7 @@ std::vector<Candidate> SaddlePoints(const cv::Mat& smooth) {
   const cv::Mat saddle = xy.mul(xy) - xx.mul(yy) / 4.0;  // the kernels of xx and yy weigh double
   cv::Mat highest;
   cv::dilate(saddle, highest, cv::Mat::ones(5, 5, CV_8U));
-  std::vector<Candidate> candidates;
+  std::vector<Saddle> candidates;
   for (int y = kBorder; y < smooth.rows - kBorder; ++y) {
     const float* values = saddle.ptr<float>(y);
     const float* maxima = highest.ptr<float>(y);
@@ -39,7 +39,7 @@ std::vector<Candidate> SaddlePoints(const cv::Mat& smooth) {
       if (values[x] > 0.0F && values[x] == maxima[x]) candidates.push_back({x, y, values[x]});
     }
   }
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+  std::sort(candidates.begin(), candidates.end(), [](const Saddle& a, const Saddle& b) {
     return std::tie(b.strength, a.y, a.x) < std::tie(a.strength, b.y, b.x);
   });
   if (candidates.size() > kMaxCandidates) candidates.resize(kMaxCandidates);
@@ -133,7 +133,7 @@ void FindAtScale(const cv::Mat& grey, double scale, const DetectConfig& config,
   cv::Mat view(grey.rows, grey.cols, CV_32F, smooth.data());
   cv::GaussianBlur(grey, view, cv::Size(), 1.2);
   std::vector<Feature> found;
-  for (const Candidate& candidate : SaddlePoints(view)) {
+  for (const Saddle& candidate : SaddlePoints(view)) {
     std::optional<Feature> corner =
         ReadRing(smooth, Eigen::Vector2d(candidate.x, candidate.y), config);
     if (!corner) continue;

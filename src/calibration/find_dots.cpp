@@ -4,12 +4,11 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "common/constants.hpp"
 #include "feature.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Sums over the pixels of one connected dark region.
 struct Region {

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "cell_run.hpp"
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::bundle {
@@ -12,7 +13,6 @@ namespace {
 constexpr std::size_t kFewBlocks = 8;
 constexpr int kResolveIterations = 10;
 constexpr int kPoseIterations = 5;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Solves without one station, from scratch.
 std::optional<State> SolveWithout(const CellProblem& problem, const State& state,

@@ -8,10 +8,11 @@
 #include <optional>
 #include <utility>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kMaxSeeds = 300;
 
 /// Features in square buckets, for neighbours.

@@ -2,18 +2,10 @@
 #include <cmath>
 
 #include "cell_run.hpp"
+#include "common/median.hpp"
 
 namespace fringe_fusion::bundle {
 namespace {
-
-constexpr int kSolveIterations = 50;
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 int NumFree(const CellRun& run) {
   return static_cast<int>(std::count(run.options.free.begin(), run.options.free.end(), true)) +

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <vector>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::internal {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// One grey value of a window.
 struct Pixel {

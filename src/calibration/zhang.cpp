@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/dense.hpp"
+#include "common/median.hpp"
 
 namespace fringe_fusion::bundle {
 namespace {
@@ -24,12 +25,6 @@ Eigen::Matrix3d Normalization(const std::vector<Eigen::Vector2d>& points) {
   N.diagonal() << scale, scale, 1.0;
   N.topRightCorner<2, 1>() = -scale * mean;
   return N;
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Smallest eigenvector of the weighted DLT equations; nothing when it is not unique.

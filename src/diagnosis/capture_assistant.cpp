@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "capture_predictor.hpp"
+#include "common/constants.hpp"
 #include "fringe_sets.hpp"
 
 namespace fringe_fusion {
@@ -16,7 +17,6 @@ namespace {
 
 using diagnosis::CapturePredictor;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMaxSteps = 64;  // of pattern.yaml
 constexpr int kMinFinest = 4;  // fewer fringes are never worth it
 constexpr double kFinestRatio = 1.12;

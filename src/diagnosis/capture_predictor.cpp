@@ -5,14 +5,13 @@
 #include <cstddef>
 #include <limits>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kTwoPi = 2.0 * kPi;
-constexpr int kNumHarmonics = 24;
+constexpr int kNumPredictedHarmonics = 24;
 constexpr std::size_t kNumOrders = 8;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 double NormalCdf(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 double WithinProbability(double limit, double sigma) {
@@ -80,7 +79,7 @@ CapturePredictor::CapturePredictor(const CaptureScene& scene, const PhaseConfig&
     : scene_(scene),
       phase_(phase),
       config_(config),
-      harmonics_(Harmonics(scene.response, kNumHarmonics)),
+      harmonics_(Harmonics(scene.response, kNumPredictedHarmonics)),
       unit_quantile_(UnitQuantile(config.covered_ratio)) {
   const double wrong = phase.max_wrong_order_ratio;
   least_log_odds_ = std::log((1.0 - wrong) / wrong);
@@ -95,7 +94,7 @@ double CapturePredictor::Transfer(int axis, double fringes) const {
 double CapturePredictor::Ripple(int axis, double fringes, int steps) const {
   const double first = Transfer(axis, fringes);
   const auto harmonic = [&](int k) {
-    if (k >= kNumHarmonics) return 0.0;
+    if (k >= kNumPredictedHarmonics) return 0.0;
     return harmonics_[static_cast<std::size_t>(k)] * Transfer(axis, k * fringes) / first;
   };
   return std::abs(harmonic(steps - 1) - harmonic(steps + 1));

@@ -5,6 +5,8 @@
 #include <optional>
 #include <utility>
 
+#include "common/constants.hpp"
+#include "common/median.hpp"
 #include "fringe_fusion/diagnosis/capture_assistant.hpp"
 #include "fringe_fusion/diagnosis/sensor_noise.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
@@ -15,7 +17,6 @@ namespace {
 
 using diagnosis::SampledStack;
 
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr double kSameExposure = 1e-6;  // relative
 constexpr double kMinContrastSigma = 5.0;
 constexpr double kReach = 2.0;            // of the least modulation
@@ -152,12 +153,6 @@ Light MeasureLight(const std::vector<Exposure>& exposures, const PhaseConfig& ph
     light.num_saturated += saturated ? 1 : 0;
   }
   return light;
-}
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Fringe amplitude and mean level of one frequency, of white minus black.

@@ -7,7 +7,7 @@
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr int kReach = 9;            // [px] to both sides of an edge
+constexpr int kReachPx = 9;          // [px] to both sides of an edge
 constexpr double kMinHeight = 0.25;  // of an edge, of the brightest level
 constexpr double kPercentile = 0.2;  // of the edges' widths, from the sharpest
 const double kSqrtTwoPi = std::sqrt(6.28318530717958647692);
@@ -23,17 +23,17 @@ float Percentile(std::vector<float> values, double part) {
 void CollectEdges(const float* line, int count, std::ptrdiff_t stride, float min_height,
                   std::vector<float>& widths) {
   const auto at = [&](int i) { return line[i * stride]; };
-  for (int i = kReach; i + kReach + 1 < count; ++i) {
+  for (int i = kReachPx; i + kReachPx + 1 < count; ++i) {
     const float slope = std::abs(at(i + 1) - at(i));
     if (!(slope * 12.0F > min_height)) continue;
     bool steepest = true;
-    for (int k = -kReach; steepest && k <= kReach; ++k) {
+    for (int k = -kReachPx; steepest && k <= kReachPx; ++k) {
       const float other = std::abs(at(i + k + 1) - at(i + k));
       steepest = other < slope || (other == slope && k >= 0);
     }
     if (!steepest) continue;
-    const float after = (at(i + kReach) + at(i + kReach + 1)) / 2.0F;
-    const float before = (at(i - kReach) + at(i - kReach + 1)) / 2.0F;
+    const float after = (at(i + kReachPx) + at(i + kReachPx + 1)) / 2.0F;
+    const float before = (at(i - kReachPx) + at(i - kReachPx + 1)) / 2.0F;
     const float height = std::abs(after - before);
     if (height > min_height) widths.push_back(height / (static_cast<float>(kSqrtTwoPi) * slope));
   }
@@ -43,7 +43,7 @@ void CollectEdges(const float* line, int count, std::ptrdiff_t stride, float min
 
 EdgeBlur MeasureEdgeBlur(const Image<float>& mean) {
   EdgeBlur blur;
-  if (mean.width() < 2 * kReach + 2 || mean.height() < 2 * kReach + 2) return blur;
+  if (mean.width() < 2 * kReachPx + 2 || mean.height() < 2 * kReachPx + 2) return blur;
   const float brightest = Percentile(std::vector<float>(mean.begin(), mean.end()), 0.99);
   const auto min_height = static_cast<float>(kMinHeight) * brightest;
   std::vector<float> widths;

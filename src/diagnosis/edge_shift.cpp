@@ -7,16 +7,16 @@
 #include <complex>
 #include <vector>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::diagnosis {
 namespace {
 
 using Complex = std::complex<double>;
 using Shift = Eigen::Matrix<Complex, 2, 1>;
 
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr double kMinSlope = 0.03;     // of an edge per pixel, of the brightest level
 constexpr std::size_t kMinEdges = 60;  // fewer say little about two numbers
-constexpr float kSaturationRatio = 0.98F;
 
 struct EdgePixel {
   std::size_t sample = 0;

@@ -10,7 +10,7 @@
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr std::size_t kMinPixels = 100;
+constexpr std::size_t kMinMatchPixels = 100;
 constexpr std::size_t kSearchPixels = 150;  // for which all hypotheses are tried
 constexpr std::size_t kMatchPixels = 1500;  // that compare frames with patterns
 constexpr double kGridPerFringe = 20.0;
@@ -378,9 +378,9 @@ FrameOrder FindFrameOrder(const SampledStack& stack, const PatternSequence& sequ
                           const LightRange& range) {
   FrameOrder order;
   Matcher matcher(stack, sequence, range);
-  if (matcher.num_pixels() < kMinPixels) {
+  if (matcher.num_pixels() < kMinMatchPixels) {
     order.skipped = fmt::format("{} unsaturated lit pixels, needs at least {}",
-                                matcher.num_pixels(), kMinPixels);
+                                matcher.num_pixels(), kMinMatchPixels);
     return order;
   }
   Distances distances;

@@ -7,22 +7,17 @@
 #include <limits>
 #include <vector>
 
+#include "common/constants.hpp"
+#include "common/median.hpp"
 #include "step_residuals.hpp"
 
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr std::size_t kMaxPixels = 20000;
 constexpr std::size_t kMinPixels = 200;
 constexpr int kBlocksAcross = 16;
 constexpr std::size_t kMinBlockPixels = 50;
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Rms over blocks of the median difference of two phases, less what noise gives medians.
 // Indirect light is smooth: it moves whole blocks, noise does not.

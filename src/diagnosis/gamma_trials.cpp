@@ -3,13 +3,13 @@
 #include <cstddef>
 #include <vector>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/diagnosis/response.hpp"
 #include "stack_sampling.hpp"
 
 namespace fringe_fusion {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr int kMaxSamples = 40000;
 constexpr double kMinExponent = 0.02;
 constexpr double kMaxExponent = 5.0;

@@ -6,12 +6,12 @@
 #include <cstddef>
 #include <utility>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr int kNumHarmonics = 6;        // of the response, taken out of the residuals
 constexpr double kMinLevelSigma = 4.0;  // of a fitted grey value from both ends of the scale
 // Harmonics of a strong response are taken out with the noise of phase and amplitude in them.

@@ -19,7 +19,7 @@ constexpr std::size_t kMaxPanelPixels = 400;
 // codes that are blurred miss them whatever the scale.
 constexpr double kMinPanelDistancePx = 1.0;
 constexpr double kMaxPanelRest = 0.2;
-constexpr int kMinEdges = 30;
+constexpr int kMinBlurEdges = 30;
 
 std::optional<PanelScale> MeasurePanel(const OpticsInput& input) {
   const FrameOrder& order = input.order;
@@ -80,9 +80,9 @@ void CheckResolution(const OpticsInput& input, const DiagnosisConfig& config, Fi
 bool CheckCamera(const OpticsInput& input, const DiagnosisConfig& config, Findings& findings) {
   constexpr const char* kQuantity = "blur of the sharper edges, sigma";
   const EdgeBlur blur = MeasureEdgeBlur(input.mean_image);
-  if (blur.num_edges < kMinEdges) {
+  if (blur.num_edges < kMinBlurEdges) {
     findings.Skip(FindingKind::kCameraDefocus, kQuantity,
-                  fmt::format("{} edges in the image, needs {}", blur.num_edges, kMinEdges));
+                  fmt::format("{} edges in the image, needs {}", blur.num_edges, kMinBlurEdges));
     return true;
   }
   if (findings.Measure(FindingKind::kCameraDefocus, kQuantity, blur.sigma_px,

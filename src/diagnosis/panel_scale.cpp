@@ -22,8 +22,8 @@ double MedianAbs(std::vector<double> values) {
 }
 
 // Signed distances to the epipolar lines in the undistorted picture [px] at one scale.
-std::vector<double> Distances(const std::vector<CodedPixel>& pixels,
-                              const CellCalibration& calibration, double scale) {
+std::vector<double> EpipolarDistances(const std::vector<CodedPixel>& pixels,
+                                      const CellCalibration& calibration, double scale) {
   const Eigen::Matrix3d essential = CrossMatrix(calibration.T_projector_camera.translation()) *
                                     calibration.T_projector_camera.linear();
   std::vector<double> distances;
@@ -43,7 +43,9 @@ std::vector<double> Distances(const std::vector<CodedPixel>& pixels,
 
 PanelScale FitPanelScale(const std::vector<CodedPixel>& pixels,
                          const CellCalibration& calibration) {
-  const auto cost = [&](double scale) { return MedianAbs(Distances(pixels, calibration, scale)); };
+  const auto cost = [&](double scale) {
+    return MedianAbs(EpipolarDistances(pixels, calibration, scale));
+  };
   PanelScale best;
   best.distance_px = cost(1.0);
   best.scaled_px = best.distance_px;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/pattern/pattern_light.hpp"
 #include "response_bins.hpp"
 #include "stack_sampling.hpp"
@@ -12,9 +13,8 @@
 namespace fringe_fusion {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kRampSamples = 200000;
-constexpr double kSaturationRatio = 0.98;
+constexpr double kRampSaturationRatio = 0.98;
 constexpr std::size_t kMinParts = 4;  // fewer tell no spread
 
 // Light in a cosine pattern of full swing at phase theta.
@@ -106,7 +106,8 @@ RampPixels FindRampPixels(const diagnosis::SampledStack& stack) {
   float brightest = 0.0F;
   for (std::size_t i = 0; i < stack.size(); ++i) {
     pixels.span[i] = white[i] - pixels.black[i];
-    if (white[i] > static_cast<float>(kSaturationRatio) * stack.full_scale_dn) pixels.span[i] = 0;
+    if (white[i] > static_cast<float>(kRampSaturationRatio) * stack.full_scale_dn)
+      pixels.span[i] = 0;
     brightest = std::max(brightest, pixels.span[i]);
   }
   for (float& span : pixels.span) {

@@ -5,11 +5,10 @@
 #include <cstddef>
 #include <vector>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::diagnosis {
 namespace {
-
-constexpr double kTwoPi = 6.28318530717958647692;
-constexpr float kSaturationRatio = 0.98F;
 
 struct Knot {
   double x = 0.0;

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <cstddef>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::diagnosis {
 namespace {
-
-constexpr double kTwoPi = 6.28318530717958647692;
 
 Image<float> SampleFrame(const CapturedFrame& frame, int stride) {
   return std::visit(

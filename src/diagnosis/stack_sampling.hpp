@@ -6,6 +6,9 @@
 
 namespace fringe_fusion::diagnosis {
 
+/// Grey values from this share of the full scale on may be saturated.
+constexpr float kSaturationRatio = 0.98F;
+
 /// Every stride-th pixel of every frame as float: enough for statistics, and small.
 struct SampledStack {
   int stride = 1;

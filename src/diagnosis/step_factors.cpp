@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
-constexpr float kSaturationRatio = 0.98F;
 // Frame factors are small; this keeps those in check that the pixels' own parameters can feign.
 constexpr double kRidge = 0.05;
 

@@ -12,8 +12,8 @@
 namespace fringe_fusion::diagnosis {
 namespace {
 
-constexpr std::size_t kMaxPixels = 8000;
-constexpr std::size_t kMinPixels = 200;
+constexpr std::size_t kMaxTimedPixels = 8000;
+constexpr std::size_t kMinTimedPixels = 200;
 constexpr double kMinSignificance = 5.0;  // of a fringe shift, in standard deviations
 // A moving picture shifts edges by tens of times the gain that it feigns; changes of light feign
 // half of their own ratio as a shift, by edges that do not balance.
@@ -67,13 +67,13 @@ double PhaseShift(const ResidualFit& fit, double steps) {
 TimeMeasures MeasureTime(const SampledStack& stack, const SequencePlan& plan,
                          const LightRange& range, const Image<float>& mean_image) {
   TimeMeasures measures;
-  const StepSamples lit = SelectStepSamples(stack, plan, range, true, kMaxPixels);
-  const StepSamples unlit = SelectStepSamples(stack, plan, range, false, kMaxPixels);
-  const bool few = lit.pixels.size() < kMinPixels;
+  const StepSamples lit = SelectStepSamples(stack, plan, range, true, kMaxTimedPixels);
+  const StepSamples unlit = SelectStepSamples(stack, plan, range, false, kMaxTimedPixels);
+  const bool few = lit.pixels.size() < kMinTimedPixels;
   if (plan.sets.empty() || few) {
     const std::string why = few && !plan.sets.empty()
                                 ? fmt::format("{} unsaturated lit pixels inside, needs {}",
-                                              lit.pixels.size(), kMinPixels)
+                                              lit.pixels.size(), kMinTimedPixels)
                                 : std::string("no complete set of phase steps");
     measures.response_skipped = measures.factors_skipped = measures.motion_skipped = why;
     return measures;

@@ -1,6 +1,7 @@
 #include <Eigen/Core>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/fusion/implicit_model.hpp"
 
 namespace fringe_fusion {
@@ -44,7 +45,6 @@ bool IsInside(const Eigen::Vector3d& point, const Box& low, const Box& high) {
 }
 
 void Invalidate(RangeImage& range, std::size_t i) {
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   range.points[i].setConstant(kNan);
   if (i < range.normals.size()) range.normals[i].setConstant(kNan);
   if (i < range.sigma_range.size()) range.sigma_range[i] = kNan;

@@ -6,9 +6,11 @@
 #include <utility>
 
 #include "block_field.hpp"
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "level_blend.hpp"
 #include "model_impl.hpp"
+#include "unsupported.hpp"
 
 namespace fringe_fusion {
 
@@ -17,19 +19,7 @@ using internal::BlockKey;
 using internal::ViewSamples;
 using internal::Voxel;
 
-namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr double kBytesPerGb = 1e9;
-
-FieldSample Unsupported() {
-  FieldSample sample;
-  sample.distance = sample.sigma = sample.weight = kNan;
-  sample.gradient.setConstant(kNan);
-  return sample;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 // Old and new fields of the touched blocks exist side by side until the new ones are complete.
 Status ImplicitModel::Impl::CheckMemory(std::size_t num_touched,
@@ -279,10 +269,10 @@ FieldSample ImplicitModel::AtVoxel(const std::array<int, 3>& voxel) const {
     return std::abs(static_cast<long>(value)) < internal::kMaxVoxelCoordinate;
   });
   const BlockField* field = in_range ? impl_->Find(internal::BlockOfVoxel(voxel)) : nullptr;
-  if (field == nullptr) return Unsupported();
+  if (field == nullptr) return internal::Unsupported();
   const auto index = static_cast<std::size_t>(internal::IndexInBlock(voxel));
   const Voxel& found = field->voxels[index];
-  if (!impl_->Supported(found)) return Unsupported();
+  if (!impl_->Supported(found)) return internal::Unsupported();
   FieldSample sample;
   sample.supported = true;
   sample.distance = field->distance[index] * static_cast<float>(impl_->config.voxel_m);
@@ -299,7 +289,8 @@ FieldSample ImplicitModel::AtVoxel(const std::array<int, 3>& voxel) const {
 
 FieldSample ImplicitModel::Query(const Eigen::Vector3d& point_object) const {
   const Eigen::Vector3d position = point_object / impl_->config.voxel_m;
-  if (!(position.cwiseAbs().maxCoeff() < internal::kMaxVoxelCoordinate - 1)) return Unsupported();
+  if (!(position.cwiseAbs().maxCoeff() < internal::kMaxVoxelCoordinate - 1))
+    return internal::Unsupported();
   const Eigen::Vector3i base = position.array().floor().cast<int>();
   const Eigen::Vector3f t = (position - base.cast<double>()).cast<float>();
   FieldSample mean;
@@ -314,7 +305,7 @@ FieldSample ImplicitModel::Query(const Eigen::Vector3d& point_object) const {
     // On a grid plane the neighbours beyond it do not count; rounding must not make them count.
     constexpr float kNegligibleShare = 1e-5F;
     if (share < kNegligibleShare) continue;
-    if (!at.supported) return Unsupported();
+    if (!at.supported) return internal::Unsupported();
     mean.distance += share * at.distance;
     mean.gradient += share * at.gradient;
     mean.sigma += share * at.sigma;

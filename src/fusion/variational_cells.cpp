@@ -27,7 +27,7 @@ std::vector<int> Filter(const std::vector<Center>& centers, const std::vector<in
 }
 
 // Wendland's function of smoothness 2 on a line.
-float Blend(float t) {
+float BlendWeight(float t) {
   const float rest = std::max(0.0F, 1.0F - t);
   return rest * rest * rest * (3.0F * t + 1.0F);
 }
@@ -161,7 +161,7 @@ std::optional<FitValue> CellTree::At(const Eigen::Vector3f& point,
     const Cell& cell = cells_[static_cast<std::size_t>(c)];
     const Eigen::Vector3f t = (point - cell.middle).cwiseAbs() / Reach(cell.half);
     if (!(t.maxCoeff() < 1.0F)) continue;
-    const float weight = Blend(t.x()) * Blend(t.y()) * Blend(t.z());
+    const float weight = BlendWeight(t.x()) * BlendWeight(t.y()) * BlendWeight(t.z());
     const FitValue value = cell.fit->At(point);
     total += weight;
     mean.value += weight * value.value;

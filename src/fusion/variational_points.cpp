@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "border_taper.hpp"
+#include "common/median.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/triangulation/point_spacing.hpp"
 #include "view_samples.hpp"
@@ -15,8 +16,8 @@
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr int kCellBits = 21;
-constexpr int kMaxCells = (1 << kCellBits) - 1;
+constexpr int kCoordinateBits = 21;
+constexpr int kMaxCells = (1 << kCoordinateBits) - 1;
 
 // Sums of the points of one centre.
 struct Group {
@@ -119,12 +120,6 @@ Places Around(const std::vector<MeasuredPoint>& points, double radius) {
   return places;
 }
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double NoiseOfPoint(const View& view, std::size_t i, double min_sigma_m) {
   const RangeImage& range = view.range;
   const Eigen::Vector3f to_camera = DirectionToCamera(range.line_of_sight, range.points[i]);
@@ -187,7 +182,7 @@ std::uint64_t PointGrid::KeyOf(const Eigen::Vector3f& position) const {
   std::uint64_t key = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const auto cell = static_cast<int>((position[axis] - low_[axis]) / cell_m_);
-    key = (key << kCellBits) | static_cast<std::uint64_t>(std::clamp(cell, 0, kMaxCells));
+    key = (key << kCoordinateBits) | static_cast<std::uint64_t>(std::clamp(cell, 0, kMaxCells));
   }
   return key;
 }
@@ -200,7 +195,7 @@ std::vector<std::uint32_t> PointGrid::Within(const Eigen::Vector3f& middle, floa
   };
   for (std::uint64_t x = cell(0, -1.0F); x <= cell(0, 1.0F); ++x) {
     for (std::uint64_t y = cell(1, -1.0F); y <= cell(1, 1.0F); ++y) {
-      const std::uint64_t row = ((x << kCellBits) | y) << kCellBits;
+      const std::uint64_t row = ((x << kCoordinateBits) | y) << kCoordinateBits;
       const std::uint64_t last = row | cell(2, 1.0F);
       auto key = std::lower_bound(keys_.begin(), keys_.end(), row | cell(2, -1.0F));
       for (; key != keys_.end() && *key <= last; ++key) {

@@ -11,7 +11,7 @@ namespace fringe_fusion::internal {
 namespace {
 
 // A place of the surface: what is left out of the fit there, and how far the fit must reach.
-struct Place {
+struct SmoothedPlace {
   Eigen::Vector3f middle;
   std::vector<std::uint32_t> left_out;
 };
@@ -26,14 +26,15 @@ constexpr double kReachInWidths = 4.0;
 constexpr double kMinReachInSpacings = 6.5;
 constexpr double kMaxSquare = 16.0;  // an outlier must not choose the width
 
-std::vector<Place> MakePlaces(const std::vector<MeasuredPoint>& points, const PointGrid& grid,
-                              double spacing_m, const VariationalConfig& config) {
-  std::vector<Place> places;
+std::vector<SmoothedPlace> MakePlaces(const std::vector<MeasuredPoint>& points,
+                                      const PointGrid& grid, double spacing_m,
+                                      const VariationalConfig& config) {
+  std::vector<SmoothedPlace> places;
   const auto count = static_cast<std::size_t>(config.cross_validation_cells);
   for (std::size_t k = 0; k < count; ++k) {
     // Evenly over the points in the order of the grid, hence over the surface.
     const std::uint32_t at = grid.order()[(2 * k + 1) * points.size() / (2 * count)];
-    Place place;
+    SmoothedPlace place;
     place.middle = points[at].position;
     const auto half = static_cast<float>(kTestHalfInSpacings * spacing_m);
     for (const std::uint32_t i : grid.Within(place.middle, half)) {
@@ -48,8 +49,9 @@ std::vector<Place> MakePlaces(const std::vector<MeasuredPoint>& points, const Po
   return places;
 }
 
-Score ScoreAt(const std::vector<MeasuredPoint>& points, const PointGrid& grid, const Place& place,
-              double spacing_m, const VariationalConfig& config, const FitSettings& settings) {
+Score ScoreAt(const std::vector<MeasuredPoint>& points, const PointGrid& grid,
+              const SmoothedPlace& place, double spacing_m, const VariationalConfig& config,
+              const FitSettings& settings) {
   const double width = settings.smoothing.width;
   const double reach = std::max(kReachInWidths * width, kMinReachInSpacings * spacing_m);
   std::vector<MeasuredPoint> used;
@@ -80,8 +82,8 @@ Score ScoreAt(const std::vector<MeasuredPoint>& points, const PointGrid& grid, c
 }
 
 Score ScoreOf(const std::vector<MeasuredPoint>& points, const PointGrid& grid,
-              const std::vector<Place>& places, double spacing_m, const VariationalConfig& config,
-              const FitSettings& settings) {
+              const std::vector<SmoothedPlace>& places, double spacing_m,
+              const VariationalConfig& config, const FitSettings& settings) {
   std::vector<Score> scores(places.size());
   ParallelFor(static_cast<int>(places.size()), 1, [&](int begin, int end) {
     for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
@@ -103,7 +105,7 @@ ChosenWidth ChooseSmoothing(const std::vector<MeasuredPoint>& points, double spa
   constexpr double kFirst = 0.75;
   constexpr int kSteps = 9;
   const PointGrid grid(points, 3.0 * spacing_m);
-  const std::vector<Place> places = MakePlaces(points, grid, spacing_m, config);
+  const std::vector<SmoothedPlace> places = MakePlaces(points, grid, spacing_m, config);
   ChosenWidth best{kFirst * spacing_m, 0.0};
   int num_worse = 0;
   for (int step = 0; step < kSteps && num_worse < 2; ++step) {

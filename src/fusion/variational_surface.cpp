@@ -6,6 +6,8 @@
 #include <numeric>
 #include <utility>
 
+#include "common/constants.hpp"
+#include "unsupported.hpp"
 #include "variational_band.hpp"
 #include "variational_points.hpp"
 #include "variational_smoothing.hpp"
@@ -18,16 +20,6 @@ using internal::BlockKey;
 using internal::Center;
 
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr double kBytesPerGb = 1e9;
-
-FieldSample Unsupported() {
-  FieldSample sample;
-  sample.distance = sample.sigma = sample.weight = kNan;
-  sample.gradient.setConstant(kNan);
-  return sample;
-}
 
 Result<internal::FitSettings> MakeFitSettings(const VariationalConfig& config) {
   if (Status status = CheckBounds(config, "variational"); !status) return Forward<void>(status);
@@ -235,7 +227,7 @@ std::vector<VoxelField::BlockIndex> VariationalSurface::Blocks() const {
 
 FieldSample VariationalSurface::AtVoxel(const std::array<int, 3>& voxel) const {
   const BandVoxel* found = impl_->FindVoxel(voxel);
-  if (found == nullptr) return Unsupported();
+  if (found == nullptr) return internal::Unsupported();
   FieldSample sample = impl_->Describe(found->center);
   sample.distance = found->distance;
   for (int axis = 0; axis < 3; ++axis) {
@@ -273,15 +265,16 @@ VoxelField::PaddedDistances VariationalSurface::DistancesOf(const BlockIndex& bl
 
 FieldSample VariationalSurface::Query(const Eigen::Vector3d& point_object) const {
   const Eigen::Vector3d position = point_object / impl_->config.voxel_m;
-  if (!(position.cwiseAbs().maxCoeff() < internal::kMaxVoxelCoordinate - 1)) return Unsupported();
+  if (!(position.cwiseAbs().maxCoeff() < internal::kMaxVoxelCoordinate - 1))
+    return internal::Unsupported();
   const Eigen::Vector3i nearest = position.array().round().cast<int>();
   const BandVoxel* voxel = impl_->FindVoxel({nearest[0], nearest[1], nearest[2]});
-  if (voxel == nullptr) return Unsupported();
+  if (voxel == nullptr) return internal::Unsupported();
   const Eigen::Vector3f point = point_object.cast<float>();
   const auto value =
       impl_->cells->At(point, impl_->cells->Touching(Eigen::AlignedBox3f(point, point)));
   const float slope = value ? value->gradient.norm() : 0.0F;
-  if (!(slope > 0.0F)) return Unsupported();
+  if (!(slope > 0.0F)) return internal::Unsupported();
   FieldSample sample = impl_->Describe(voxel->center);
   sample.distance = value->value / slope;
   sample.gradient = value->gradient / slope;

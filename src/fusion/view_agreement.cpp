@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "common/dense.hpp"
+#include "common/median.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "model_impl.hpp"
 #include "point_sums.hpp"
@@ -27,12 +28,6 @@ struct Residual {
   double sigma_m = 0.0;
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
 };
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 std::optional<Residual> ResidualAt(const ViewSamples& view, std::size_t run, std::size_t index,
                                    const Views& others, const FusionConfig& config) {

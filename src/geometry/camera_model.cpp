@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 struct Distortion {
   Eigen::Vector2d point;

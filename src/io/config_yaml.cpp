@@ -7,18 +7,9 @@
 #include <utility>
 #include <vector>
 
+#include "yaml_fields.hpp"
+
 namespace fringe_fusion::internal {
-namespace {
-
-std::string Shown(const YAML::Node& node) {
-  YAML::Emitter emitter;
-  emitter.SetSeqFormat(YAML::Flow);
-  emitter.SetMapFormat(YAML::Flow);
-  emitter << node;
-  return emitter.c_str();
-}
-
-}  // namespace
 
 struct YamlReader::File {
   std::string path;

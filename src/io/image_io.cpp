@@ -8,6 +8,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "extension.hpp"
 #include "fringe_fusion/io/file.hpp"
 
 namespace fringe_fusion {
@@ -124,14 +125,8 @@ cv::Mat ViewMat(const Image<T>& image, int type) {
   return cv::Mat(image.height(), image.width(), type, const_cast<T*>(image.data()));
 }
 
-std::string LowerExtension(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extension;
-}
-
 Status Encode(const cv::Mat& mat, const std::string& path) {
-  const std::string extension = LowerExtension(path);
+  const std::string extension = internal::LowerExtension(path);
   const bool tiff = extension == ".tif" || extension == ".tiff";
   const bool jpg = extension == ".jpg" || extension == ".jpeg";
   if (!tiff && !jpg && extension != ".png") {

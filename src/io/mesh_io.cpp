@@ -5,19 +5,14 @@
 #include <filesystem>
 #include <utility>
 
+#include "extension.hpp"
 #include "mesh_formats.hpp"
 
 namespace fringe_fusion {
 namespace {
 
-std::string LowerExtension(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extension;
-}
-
 Result<Mesh> ReadAsIs(const std::string& path) {
-  const std::string extension = LowerExtension(path);
+  const std::string extension = internal::LowerExtension(path);
   if (extension == ".ply") return internal::ReadMeshPly(path);
   if (extension == ".stl") return internal::ReadMeshStl(path);
   if (extension == ".obj") return internal::ReadMeshObj(path);
@@ -90,7 +85,7 @@ Result<Mesh> ReadMesh(const std::string& path, double unit_m) {
 
 Status WriteMesh(const Mesh& mesh, const std::string& path) {
   if (Status status = CheckMesh(mesh, path); !status) return status;
-  const std::string extension = LowerExtension(path);
+  const std::string extension = internal::LowerExtension(path);
   if (extension == ".ply") return internal::WriteMeshPly(mesh, path);
   if (extension == ".stl") return internal::WriteMeshStl(mesh, path);
   if (extension == ".obj") return internal::WriteMeshObj(mesh, path);
@@ -99,7 +94,7 @@ Status WriteMesh(const Mesh& mesh, const std::string& path) {
 }
 
 Result<RangeImage> ReadRangeImage(const std::string& path) {
-  const std::string extension = LowerExtension(path);
+  const std::string extension = internal::LowerExtension(path);
   if (extension == ".ply") return internal::ReadRangePly(path);
   if (extension == ".pcd") return internal::ReadRangePcd(path);
   return Fail("{}: unknown range image format '{}', must be .ply or .pcd", path, extension);
@@ -107,7 +102,7 @@ Result<RangeImage> ReadRangeImage(const std::string& path) {
 
 Status WriteRangeImage(const RangeImage& range, const std::string& path) {
   if (Status status = CheckRange(range, path); !status) return status;
-  const std::string extension = LowerExtension(path);
+  const std::string extension = internal::LowerExtension(path);
   if (extension == ".ply") return internal::WriteRangePly(range, path);
   if (extension == ".pcd") return internal::WriteRangePcd(range, path);
   return Fail("{}: unknown range image format '{}', must be .ply or .pcd", path, extension);

@@ -86,7 +86,7 @@ Status AppendVertex(const VertexColumns& columns, const PlyRow& row, const std::
   return {};
 }
 
-Result<Mesh> ReadElements(const PlyReader& reader, const std::string& path) {
+Result<Mesh> ReadMeshElements(const PlyReader& reader, const std::string& path) {
   const PlyElement* vertex = reader.Find("vertex");
   if (vertex == nullptr) return Fail("{}: has no element 'vertex'", path);
   if (reader.Find("tristrips") != nullptr) return Fail("{}: triangle strips are not read", path);
@@ -143,7 +143,7 @@ void PutVector(std::string& bytes, const Eigen::Vector3f& vector) {
 Result<Mesh> ReadMeshPly(const std::string& path) {
   const Result<PlyReader> reader = PlyReader::Open(path);
   if (!reader) return Forward(reader);
-  return ReadElements(*reader, path);
+  return ReadMeshElements(*reader, path);
 }
 
 Status WriteMeshPly(const Mesh& mesh, const std::string& path) {

@@ -7,14 +7,13 @@
 #include <cstring>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "mesh_formats.hpp"
 #include "text_lines.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 struct PcdFile {
   pcl::PCLPointCloud2 cloud;

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "little_endian.hpp"
 #include "mesh_formats.hpp"
@@ -11,7 +12,6 @@
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 // The file holds no NaN: unknown values of a valid point are written as these, which cannot occur.
 constexpr float kUnknownSigma = -1.0F;
 
@@ -160,7 +160,7 @@ void Place(const Points& from, std::size_t i, std::size_t pixel, RangeImage& ran
   range.sigma_lateral[pixel] = from.sigma_lateral[i];
 }
 
-Result<RangeImage> ReadElements(const PlyReader& reader, const std::string& path) {
+Result<RangeImage> ReadRangeElements(const PlyReader& reader, const std::string& path) {
   const PlyElement* vertex = reader.Find("vertex");
   if (vertex == nullptr) return Fail("{}: has no element 'vertex'", path);
   for (const char* name : {"x", "y", "z"}) {
@@ -242,7 +242,7 @@ void PutPoint(const RangeImage& range, std::size_t i, std::string& bytes) {
 Result<RangeImage> ReadRangePly(const std::string& path) {
   const Result<PlyReader> reader = PlyReader::Open(path);
   if (!reader) return Forward(reader);
-  return ReadElements(*reader, path);
+  return ReadRangeElements(*reader, path);
 }
 
 Status WriteRangePly(const RangeImage& range, const std::string& path) {

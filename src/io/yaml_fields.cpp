@@ -9,7 +9,8 @@ namespace {
 
 using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-// Short form of a node for messages.
+}  // namespace
+
 std::string Shown(const YAML::Node& node) {
   YAML::Emitter emitter;
   emitter.SetSeqFormat(YAML::Flow);
@@ -20,8 +21,6 @@ std::string Shown(const YAML::Node& node) {
   if (text.size() > 80) text = text.substr(0, 77) + "...";
   return text;
 }
-
-}  // namespace
 
 Result<YAML::Node> LoadYaml(const std::string& path) {
   const Result<std::string> text = ReadFile(path);

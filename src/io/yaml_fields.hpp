@@ -20,6 +20,9 @@ namespace fringe_fusion::internal {
 /// Parses a YAML file. @return error naming the file, the line and the cause.
 [[nodiscard]] Result<YAML::Node> LoadYaml(const std::string& path);
 
+/// Short form of a node for messages, in one line.
+[[nodiscard]] std::string Shown(const YAML::Node& node);
+
 /// Reads the keys of one YAML map strictly: unknown, doubled and missing keys are errors, and so
 /// are numbers that are not finite. The first error is kept and later calls do nothing.
 class YamlFields {

@@ -6,13 +6,12 @@
 #include <cmath>
 #include <utility>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/pose/self_calibration.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
 
 namespace fringe_fusion::nodes {
 namespace {
-
-constexpr double kRadPerDeg = 0.017453292519943295;
 
 CodedViewsQuery QueryOf(const std::string& scan_id, const std::vector<std::uint32_t>& view_ids) {
   CodedViewsQuery query;

@@ -4,14 +4,12 @@
 #include <cmath>
 #include <sstream>
 
+#include "axis_size.hpp"
+
 namespace fringe_fusion {
 namespace {
 
 constexpr double kQuarterTurn = 1.57079632679489661923;
-
-int AxisSize(const PatternSequence& sequence, Axis axis) {
-  return axis == Axis::kU ? sequence.width : sequence.height;
-}
 
 // Positive numbers between commas.
 Result<std::vector<double>> ParseList(const char* name, const std::string& list) {

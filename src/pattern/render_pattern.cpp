@@ -3,13 +3,12 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/pattern/pattern_light.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
 
 namespace fringe_fusion {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 double GrayLight(const Pattern& pattern, int coordinate) {
   const double cell = (coordinate - pattern.offset_px + 0.5) / pattern.cell_px;

@@ -4,6 +4,7 @@
 #include <set>
 #include <tuple>
 
+#include "axis_size.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
 
 namespace fringe_fusion {
@@ -15,10 +16,6 @@ constexpr double kMinFringePx = 2.0;
 constexpr double kMaxExposureRatio = 1e4;
 // Phases closer than this are told apart by no real sensor [fringes].
 constexpr double kRepeatTolerance = 1e-3;
-
-int AxisSize(const PatternSequence& sequence, Axis axis) {
-  return axis == Axis::kU ? sequence.width : sequence.height;
-}
 
 const char* AxisName(Axis axis) { return axis == Axis::kU ? "u" : "v"; }
 

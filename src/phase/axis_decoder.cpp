@@ -4,10 +4,11 @@
 #include <cmath>
 #include <cstddef>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 // Log odds of a pixel whose order is not in question.
 constexpr float kCertain = 1e6F;
 // A pixel this close to the end of an axis that repeats may belong to the other end [sigma].

@@ -5,10 +5,11 @@
 #include <cstddef>
 #include <tuple>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 // Exposures closer than this are one group: timers of cameras are not exact.
 constexpr double kSameExposureRatio = 1e-3;
 

@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
+#include "common/constants.hpp"
 #include "gray_smoothing.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr std::int64_t kNoCell = -1;
 constexpr int kSlopeRadiusPx = 2;
 

@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <limits>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::int64_t BinaryFromGray(std::uint32_t gray) {
   for (std::uint32_t shift = 1; shift < 32; shift <<= 1U) gray ^= gray >> shift;

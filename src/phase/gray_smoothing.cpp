@@ -7,13 +7,13 @@
 #include <cmath>
 #include <vector>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
 
 constexpr int kRowsPerChunk = 16;
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr std::size_t kNumHarmonics = 12;
 
 // A slope fitted to rounded values needs a long base: over a short one it locks in with the cells.

@@ -4,9 +4,10 @@
 #include <cstddef>
 #include <limits>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr double kNegligible = 60.0;  // costs this far above the best add nothing to the odds
 }  // namespace
 

@@ -6,11 +6,10 @@
 #include <utility>
 
 #include "axis_decoder.hpp"
+#include "common/constants.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
-
-constexpr double kTwoPi = 6.28318530717958647692;
 
 bool IsLadder(const AxisPlan& axis) {
   return !axis.gray && axis.micro.empty() && axis.unwrapping == Unwrapping::kNested &&

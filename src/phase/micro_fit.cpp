@@ -7,13 +7,14 @@
 #include <cstddef>
 #include <map>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 constexpr std::size_t kNumRefined = 6;
 constexpr int kNumSteps = 3;
-constexpr double kNegligible = 60.0;
+constexpr double kNegligibleCost = 60.0;
 constexpr double kImpossible = 1e30;
 
 // The frequency with most frames gives the first estimate of offset and amplitude.
@@ -164,9 +165,9 @@ Unwrapped MicroFit::Judge(const std::vector<Fitted>& refined) {
     // Two starts may run into the same minimum.
     if (std::abs(other.ratio - best.ratio) < 0.25 / reference_fringes_) continue;
     const double above = other.chi2 - best.chi2;
-    if (above < 2.0 * kNegligible) others += std::exp(-0.5 * above);
+    if (above < 2.0 * kNegligibleCost) others += std::exp(-0.5 * above);
   }
-  out.log_odds = others > 0.0 ? -std::log(others) : kNegligible;
+  out.log_odds = others > 0.0 ? -std::log(others) : kNegligibleCost;
   out.coordinate_px = plan_.size_px * best.ratio - 0.5;
   out.variance_px2 = static_cast<double>(plan_.size_px) * plan_.size_px * best.variance;
   offset_dn_ = best.offset;

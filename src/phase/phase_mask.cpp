@@ -6,12 +6,12 @@
 #include <cstring>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr std::size_t kWord = sizeof(std::uint64_t);
 constexpr std::uint64_t kOnes = 0x0101010101010101;
 

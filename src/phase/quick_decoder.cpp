@@ -8,12 +8,12 @@
 #include <limits>
 #include <utility>
 
+#include "common/constants.hpp"
 #include "ladder_decoder.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
 
-constexpr double kTwoPi = 6.28318530717958647692;
 // Differences of sums of grey values are 16 bit wide.
 constexpr float kGreatestFullScale = 8191.0F;
 constexpr int kShortestStretch = 64;  // one vector of every kernel

@@ -6,12 +6,13 @@
 #include <limits>
 #include <stdexcept>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
 
 constexpr int kLongestStretch = 256;
 constexpr int kVectors = 64;  // bytes that the kernels take at once
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr auto kDoubtful = static_cast<std::uint8_t>(MaskReason::kDoubtfulOrder);
 
 AxisInput InputOf(const AxisRow& row) {

@@ -5,10 +5,10 @@
 #include <complex>
 #include <cstddef>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::decode {
 namespace {
-
-constexpr double kTwoPi = 6.28318530717958647692;
 
 // Numbers the distinct shifts; samples of one shift follow each other in `order`.
 std::vector<int> NumberPlaces(std::vector<PhaseSample>& samples) {

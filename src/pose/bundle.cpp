@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "fringe_fusion/common/parallel.hpp"
@@ -14,7 +15,6 @@ namespace fringe_fusion::epipolar {
 namespace {
 
 constexpr int kTracksPerChunk = 1024;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using Matrix24d = Eigen::Matrix<double, 2, 4>;
 using Matrix26d = Eigen::Matrix<double, 2, 6>;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "fringe_fusion/common/parallel.hpp"
@@ -12,7 +13,6 @@
 namespace fringe_fusion {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr int kRowsPerChunk = 16;
 
 bool IsUsable(const PhaseMap& phase, int x, int y) {
@@ -205,7 +205,6 @@ const char* MovedDeviceName(MovedDevice device) {
 RigMotion CompareWithReference(const RelativePose& pose,
                                const Transform& T_projector_camera_reference,
                                const HealthConfig& config) {
-  constexpr double kDegPerRad = 57.29577951308232;
   // Quantiles of chi2 (2 and 5 dof) at the two-sided probability of alarm_sigma deviations.
   const double tail = std::erfc(config.alarm_sigma / std::sqrt(2.0));
   const double limit2 = -2.0 * std::log(tail);
@@ -292,7 +291,6 @@ void HealthHistory::Add(std::int64_t stamp_ns, const HealthReport& report,
 }
 
 Drift HealthHistory::Fit(const HealthConfig& config) const {
-  constexpr double kDegPerRad = 57.29577951308232;
   Drift drift;
   drift.num_scans = static_cast<int>(samples_.size());
   std::vector<double> hours;

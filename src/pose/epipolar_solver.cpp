@@ -15,7 +15,7 @@ constexpr int kMatchesPerChunk = 1024;
 using Row35 = Eigen::Matrix<double, 3, 5>;
 
 /// Normal equations of one step.
-struct Sums {
+struct RaySums {
   Matrix5d hessian = Matrix5d::Zero();      ///< sum of w J^T J
   Matrix5d information = Matrix5d::Zero();  ///< sum of J^T J of the inliers
   Matrix5d scatter = Matrix5d::Zero();      ///< sum of psi^2 J^T J
@@ -40,7 +40,7 @@ struct Sums {
     information += outer;
     ++num_inliers;
   }
-  void Add(const Sums& other) {
+  void Add(const RaySums& other) {
     hessian += other.hessian;
     information += other.information;
     scatter += other.scatter;
@@ -60,7 +60,7 @@ class SymmetricLinearizer {
         basis_(TangentBasis(geometry.t)),
         options_(options) {}
 
-  void AddTo(Sums& sums, const Ray& ray, double scale) const {
+  void AddTo(RaySums& sums, const Ray& ray, double scale) const {
     const Eigen::Vector3d a = ray.anchor.homogeneous();
     const Eigen::Vector3d o = ray.observed.homogeneous();
     const Eigen::Vector3d Ra = geometry_.R * a;
@@ -74,7 +74,7 @@ class SymmetricLinearizer {
   }
 
  private:
-  void AddDistance(Sums& sums, const Eigen::Vector3d& point, const Eigen::Vector3d& line,
+  void AddDistance(RaySums& sums, const Eigen::Vector3d& point, const Eigen::Vector3d& line,
                    const Row35& line_by_pose, double factor) const {
     const double norm = line.head<2>().norm();
     const double value = point.dot(line);
@@ -90,15 +90,15 @@ class SymmetricLinearizer {
   RefineOptions options_;
 };
 
-Sums SumUp(const std::vector<Ray>& rays, const Geometry& geometry, const RefineOptions& options,
-           double scale) {
+RaySums SumUp(const std::vector<Ray>& rays, const Geometry& geometry, const RefineOptions& options,
+              double scale) {
   const int count = static_cast<int>(rays.size());
-  std::vector<Sums> parts(
+  std::vector<RaySums> parts(
       static_cast<std::size_t>((count + kMatchesPerChunk - 1) / kMatchesPerChunk));
   const Linearizer one_sided(geometry);
   const SymmetricLinearizer symmetric(geometry, options);
   ParallelFor(count, kMatchesPerChunk, [&](int begin, int end) {
-    Sums& part = parts[static_cast<std::size_t>(begin / kMatchesPerChunk)];
+    RaySums& part = parts[static_cast<std::size_t>(begin / kMatchesPerChunk)];
     part.with_scatter = options.symmetric;
     for (int i = begin; i < end; ++i) {
       const Ray& ray = rays[static_cast<std::size_t>(i)];
@@ -110,8 +110,8 @@ Sums SumUp(const std::vector<Ray>& rays, const Geometry& geometry, const RefineO
       }
     }
   });
-  Sums sums;
-  for (const Sums& part : parts) sums.Add(part);
+  RaySums sums;
+  for (const RaySums& part : parts) sums.Add(part);
   return sums;
 }
 
@@ -134,14 +134,14 @@ double ScaleOf(const std::vector<Ray>& rays, const Geometry& geometry,
 bool Descend(const std::vector<Ray>& rays, const RefineOptions& options, double scale,
              Geometry& geometry) {
   double damping = 1e-4;
-  Sums sums = SumUp(rays, geometry, options, scale);
+  RaySums sums = SumUp(rays, geometry, options, scale);
   for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
     Matrix5d damped = sums.hessian;
     damped.diagonal() *= 1.0 + damping;
     const Vector5d step = -dense::SolveSymmetric(damped, sums.gradient);
     if (!step.allFinite()) return false;
     const Geometry moved = Perturb(geometry, step);
-    const Sums next = SumUp(rays, moved, options, scale);
+    const RaySums next = SumUp(rays, moved, options, scale);
     if (next.cost <= sums.cost) {
       // In standard deviations, so that the limit holds for any noise and number of matches.
       const double size = std::sqrt(step.dot(sums.hessian * step));
@@ -290,7 +290,7 @@ Refined Refine(const std::vector<Ray>& rays, const Geometry& start, const Refine
     out.scale = ScaleOf(kept, out.geometry, options);
     out.converged = Descend(kept, options, out.scale, out.geometry);
   }
-  const Sums sums = SumUp(kept, out.geometry, options, out.scale);
+  const RaySums sums = SumUp(kept, out.geometry, options, out.scale);
   out.information = sums.information;
   out.scatter = sums.scatter;
   out.chi2 = sums.chi2;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "fringe_fusion/pose/self_calibration.hpp"
 
@@ -83,7 +84,6 @@ Result<Eigen::Vector2d> FocalLengthsOf(const Eigen::Matrix3d& F,
 }
 
 double AxesOutOfPlaneDeg(const Transform& T_observed_anchor) {
-  constexpr double kDegPerRad = 57.29577951308232;
   // In the observed frame: the axes and the direction between the centres.
   const Eigen::Vector3d axis_anchor = T_observed_anchor.linear().col(2);
   const Eigen::Vector3d axis_observed = Eigen::Vector3d::UnitZ();

@@ -4,12 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 
 namespace fringe_fusion {
 namespace {
-
-constexpr double kDegPerRad = 57.29577951308232;
 
 Status CheckMotions(const std::vector<MotionPair>& motions) {
   constexpr double kMinAxisDeg = 2.0;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 #include "pose_start.hpp"
@@ -16,7 +17,6 @@ using epipolar::Ray;
 using epipolar::Refined;
 using epipolar::RefineOptions;
 
-constexpr double kDegPerRad = 57.29577951308232;
 constexpr double kInlierSigma = 3.0;
 constexpr std::size_t kStartRays = 800;
 

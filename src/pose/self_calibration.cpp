@@ -18,7 +18,7 @@ using epipolar::Ray;
 using Vector7d = Eigen::Matrix<double, 7, 1>;
 using Matrix7d = Eigen::Matrix<double, 7, 7>;
 
-constexpr int kMatchesPerChunk = 2048;
+constexpr int kMatchesPerPart = 2048;
 constexpr double kMaxLogFocal = 1.0986122886681098;  // a factor of three
 
 /// Seven parameters: pose and the logarithms of both focal lengths against the nominal ones.
@@ -116,9 +116,9 @@ Sums PairProblem::SumUp(const State& state, double scale) const {
   const int count = static_cast<int>(rays.size());
   const epipolar::Linearizer linearize(state.geometry);
   std::vector<Sums> parts(
-      static_cast<std::size_t>((count + kMatchesPerChunk - 1) / kMatchesPerChunk));
-  ParallelFor(count, kMatchesPerChunk, [&](int begin, int end) {
-    Sums& part = parts[static_cast<std::size_t>(begin / kMatchesPerChunk)];
+      static_cast<std::size_t>((count + kMatchesPerPart - 1) / kMatchesPerPart));
+  ParallelFor(count, kMatchesPerPart, [&](int begin, int end) {
+    Sums& part = parts[static_cast<std::size_t>(begin / kMatchesPerPart)];
     for (int i = begin; i < end; ++i) {
       const Ray& ray = rays[static_cast<std::size_t>(i)];
       const epipolar::Linearization at = linearize(ray);

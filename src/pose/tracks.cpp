@@ -34,7 +34,7 @@ Status CheckMaps(const std::vector<PhaseMap>& maps, const CameraModel& camera) {
   return {};
 }
 
-bool IsUsable(const PhaseMap& map, int x, int y) {
+bool IsTrackable(const PhaseMap& map, int x, int y) {
   return map.u.Contains(x, y) && std::isfinite(map.u(x, y)) && std::isfinite(map.v(x, y)) &&
          map.sigma_u(x, y) > 0.0F && map.sigma_v(x, y) > 0.0F &&
          (map.mask.empty() || map.mask(x, y) == 0);
@@ -89,7 +89,7 @@ class CodeInverter {
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (int dy = -r; dy <= r; ++dy) {
       for (int dx = -r; dx <= r; ++dx) {
-        if (!IsUsable(map_, x + dx, y + dy)) return std::nullopt;
+        if (!IsTrackable(map_, x + dx, y + dy)) return std::nullopt;
         const Eigen::Vector3d row(1.0, dx, dy);
         const double weight = std::pow(static_cast<double>(sigmas(x + dx, y + dy)), -2);
         normal += weight * row * row.transpose();
@@ -140,7 +140,7 @@ Image<Nearest> FindNearest(const PhaseMap& map, const CodeGrid& grid) {
   Image<Nearest> nearest(grid.columns, grid.rows);
   for (int y = 0; y < map.u.height(); ++y) {
     for (int x = 0; x < map.u.width(); ++x) {
-      if (!IsUsable(map, x, y)) continue;
+      if (!IsTrackable(map, x, y)) continue;
       const Eigen::Vector2d code = CodeAt(map, x, y);
       const int column = static_cast<int>(std::floor(code.x() / grid.step));
       const int row = static_cast<int>(std::floor(code.y() / grid.step));
@@ -215,7 +215,7 @@ Result<TrackSet> TracksOfCamera(const std::vector<PhaseMap>& maps, const CellCal
       found.emplace_back();
       for (std::size_t station = 0; station < maps.size(); ++station) {
         const PhaseMap& map = maps[station];
-        if (!IsUsable(map, x, y)) continue;
+        if (!IsTrackable(map, x, y)) continue;
         TrackObservation seen;
         seen.station = static_cast<int>(station);
         seen.pixel = CodeAt(map, x, y);

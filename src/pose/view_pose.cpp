@@ -7,13 +7,12 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "epipolar_solver.hpp"
 
 namespace fringe_fusion {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Status CheckPoints(const std::vector<LitPoint>& points, const EpipolarConfig& config) {
   if (points.size() < static_cast<std::size_t>(config.min_matches)) {
@@ -68,7 +67,7 @@ Result<Transform> Start(const std::vector<LitPoint>& points, const CameraModel& 
   return T;
 }
 
-struct Sums {
+struct ViewSums {
   Matrix6d hessian = Matrix6d::Zero();
   Vector6d gradient = Vector6d::Zero();
   double cost = 0.0;
@@ -79,9 +78,9 @@ struct Sums {
 };
 
 /// @param reject_sigma points beyond have no weight.
-Sums SumUp(const std::vector<LitPoint>& points, const CameraModel& projector, const Transform& T,
-           double huber_sigma, double reject_sigma) {
-  Sums sums;
+ViewSums SumUp(const std::vector<LitPoint>& points, const CameraModel& projector,
+               const Transform& T, double huber_sigma, double reject_sigma) {
+  ViewSums sums;
   for (const LitPoint& p : points) {
     const Projection at = ProjectWithJacobian(projector, T * p.point_rig);
     const Eigen::Matrix<double, 2, 3> by_rig = at.jacobian * T.linear();
@@ -153,7 +152,7 @@ Result<RigPose> EstimateViewPose(const std::vector<LitPoint>& points, const Came
   Transform T = *start;
   double scale = 1.0;
   double reject = kInfinity;
-  Sums sums = SumUp(points, projector, T, config.huber_sigma, reject);
+  ViewSums sums = SumUp(points, projector, T, config.huber_sigma, reject);
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     scale = ScaleOf(sums.magnitudes);
     const Vector6d step = -dense::SolveSymmetric(sums.hessian, sums.gradient);

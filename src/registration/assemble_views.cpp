@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "at.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "pair_search.hpp"
 
@@ -19,8 +20,6 @@ constexpr double kConflictRatio = 3.0;    // of the agreement distance, in front
 constexpr float kMinCosine = 0.866F;
 constexpr std::size_t kMaxJoins = 6;  // hypotheses compared for every join
 constexpr int kBatch = 16;            // pairs between two reports of progress
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 struct OneWay {
   double samples = 0.0;

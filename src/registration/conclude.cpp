@@ -4,6 +4,8 @@
 #include <numeric>
 #include <utility>
 
+#include "at.hpp"
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "fringe_fusion/registration/doubled_surface.hpp"
 #include "fringe_fusion/registration/weak_directions.hpp"
@@ -12,13 +14,10 @@
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / M_PI;
 constexpr double kMinShare = 0.1;       // of a direction's information, for a source to be named
 constexpr double kContradiction = 3.0;  // standard deviations
 constexpr double kWideRejection = 15.0;
 constexpr std::size_t kMaxDoubled = 5;  // warnings
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 double RmsSigma(const Vector6d& e, const Matrix6d& information) {
   return std::sqrt(std::max(0.0, e.dot(information * e)) / 6.0);

@@ -8,8 +8,8 @@ namespace fringe_fusion {
 namespace {
 
 constexpr std::size_t kMinResiduals = 100;
-constexpr int kIterations = 60;
-constexpr double kMinShare = 0.1;
+constexpr int kMaxIterations = 60;
+constexpr double kMinFaceShare = 0.1;
 constexpr double kMinSeparation = 3.0;
 
 struct Normal {
@@ -35,7 +35,7 @@ std::array<Normal, 2> FitTwo(const std::vector<float>& sorted, double sigma, dou
   const float* end = begin + sorted.size();
   std::array<Normal, 2> fit = {Normal{0.5, MeanOf(begin, middle), 0.6 * sigma},
                                Normal{0.5, MeanOf(middle, end), 0.6 * sigma}};
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     std::array<std::array<double, 3>, 2> sums{};
     for (const float value : sorted) {
       const auto x = static_cast<double>(value);
@@ -78,7 +78,7 @@ std::optional<DoubledSurface> FindDoubledSurface(const std::vector<float>& resid
   const double spread = std::hypot(fit[0].sigma, fit[1].sigma);
   DoubledSurface doubled{distance, std::min(fit[0].share, fit[1].share)};
   const bool apart = distance * std::sqrt(2.0) >= kMinSeparation * spread;
-  if (!(doubled.share >= kMinShare) || !apart || !(distance >= 3.0 * sigma_m)) {
+  if (!(doubled.share >= kMinFaceShare) || !apart || !(distance >= 3.0 * sigma_m)) {
     return std::nullopt;
   }
   return doubled;

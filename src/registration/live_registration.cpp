@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "at.hpp"
 #include "registration.hpp"
 
 namespace fringe_fusion {
-namespace {
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
+namespace {}  // namespace
 
 Result<LiveRegistration> LiveRegistration::Create(const RegistrationConfig& config,
                                                   int max_neighbors) {

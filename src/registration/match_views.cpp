@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "at.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion {
@@ -10,8 +11,6 @@ namespace {
 
 constexpr double kMadToSigma = 1.4826;  // of a Gaussian
 constexpr double kHuber = 1.345;        // 95 % efficient for a Gaussian
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 // Median of |values|, scaled to a standard deviation; 0 for none.
 double RobustSigma(std::vector<float>& magnitudes) {

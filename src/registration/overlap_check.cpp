@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/registration/match_views.hpp"
 
 namespace fringe_fusion {
 namespace {
 
-constexpr double kRadPerDeg = M_PI / 180.0;
 constexpr int kPointsPerView = 5000;  // for the alignment: far more than its six unknowns need
 
 Status CheckPoses(const ViewGraph& graph, const std::vector<Transform>& poses) {

@@ -4,21 +4,20 @@
 #include <cmath>
 #include <random>
 
+#include "at.hpp"
+#include "common/constants.hpp"
 #include "common/dense.hpp"
 #include "fringe_fusion/registration/pose_system.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr double kRadPerDeg = M_PI / 180.0;
 constexpr float kMinBaseCells = 4.0F;    // between the two points of a trial
 constexpr float kMaxLengthCells = 1.0F;  // difference of their distances in both views
 constexpr float kMaxCosine = 0.2F;       // difference of their angles in both views
 constexpr float kPartnerCells = 1.5F;    // of a partner that supports a trial
 constexpr std::size_t kCandidates = 16;  // trials that are checked by overlap and free space
 constexpr int kIterations = 8;           // of the refinement
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 struct Trial {
   Transform T_first_second = Transform::Identity();

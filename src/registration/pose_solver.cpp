@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "at.hpp"
 #include "common/dense.hpp"
 #include "fringe_fusion/registration/pose_system.hpp"
 
@@ -11,8 +12,6 @@ namespace {
 
 // Size in standard deviations from which a device counts less.
 constexpr double kFullSigma = 3.0;
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 // Inverse right Jacobian of SE(3): Log(Exp(e) Exp(xi)) = e + J xi, to second order in e.
 Matrix6d InverseRightJacobian(const Vector6d& e) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "at.hpp"
 #include "common/dense.hpp"
 #include "registration.hpp"
 
@@ -13,11 +14,9 @@ namespace {
 using internal::Registration;
 
 // Share of a view in the way of another one from which a first look counts as failed.
-constexpr double kContradiction = 0.06;
+constexpr double kMaxContradiction = 0.06;
 constexpr double kMinGain = 1.02;       // of the evidence, for other places to be believed
 constexpr double kMaxPriorSigma = 5.0;  // of them, where a prior is stated
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 // Whether some view has no partner, or would have hidden what another one saw.
 bool Contradicts(const SurfaceSet& set, const std::vector<Transform>& poses, double distance_m) {
@@ -28,7 +27,7 @@ bool Contradicts(const SurfaceSet& set, const std::vector<Transform>& poses, dou
     const auto b = At(pair.second);
     const PairCheck check =
         CheckPair(set.surfaces[a], set.surfaces[b], poses[a].inverse() * poses[b], distance_m);
-    in_the_way = in_the_way || check.conflict_ratio > kContradiction;
+    in_the_way = in_the_way || check.conflict_ratio > kMaxContradiction;
     for (const std::size_t i : {a, b})
       best_overlap[i] = std::max(best_overlap[i], check.overlap_ratio);
   }

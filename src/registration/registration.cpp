@@ -6,18 +6,17 @@
 #include <map>
 #include <utility>
 
+#include "at.hpp"
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::internal {
 namespace {
 
-constexpr double kRadPerDeg = M_PI / 180.0;
 // A level ends when the joint step is this small in its own standard deviations ...
 constexpr std::array<double, ViewSurface::kNumLevels> kStopSigma = {1.0, 0.3, 0.03};
 // ... or, for data without noise, moves no point by more than this share of the point spacing.
 constexpr double kStopMotion = 1e-5;
-
-std::size_t At(int i) { return static_cast<std::size_t>(i); }
 
 // Largest distance by which the step moves the middle of a view or a point at its radius.
 double Motion(const PoseStep& step, const SurfaceSet& set) {

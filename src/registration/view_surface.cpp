@@ -6,25 +6,19 @@
 #include <nanoflann.hpp>
 #include <optional>
 
+#include "common/constants.hpp"
+#include "common/median.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // A neighbour on an oblique surface is several steps away; a jump is many.
 constexpr double kMaxStepRatio = 8.0;
 constexpr int kTargetsPerSample = 3;  // at the coarser levels
 constexpr int kWindowPx = 2;
 constexpr int kMaxWindowPx = 8;
 constexpr int kMaxClimbs = 12;
-
-double Median(std::vector<double>& values) {
-  if (values.empty()) return kNan;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Typical distance of horizontally adjacent points: the yardstick for depth steps.
 double PixelStep(const RangeImage& range) {
@@ -35,7 +29,7 @@ double PixelStep(const RangeImage& range) {
       if (step > 0.0) steps.push_back(step);  // NaN fails
     }
   }
-  return Median(steps);
+  return steps.empty() ? kNan : Median(std::move(steps));
 }
 
 bool OnBorder(const RangeImage& range, int x, int y, double max_step) {
@@ -277,7 +271,7 @@ void ViewSurface::Measure() {
   radius_m_ = std::sqrt(sum / static_cast<double>(probes.size()));
   steps.erase(std::remove_if(steps.begin(), steps.end(), [](double step) { return !(step > 0.0); }),
               steps.end());
-  spacing_m_ = steps.empty() ? 0.0 : Median(steps);
+  spacing_m_ = steps.empty() ? 0.0 : Median(std::move(steps));
 }
 
 // Distance from a point to its nearest neighbour; NaN if it has none.

@@ -1,9 +1,10 @@
 #include "fringe_fusion/ros_io/pose_prior.hpp"
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::ros_io {
 
 Pose PriorPose(const Transform& T_object_camera, const PosePriorConfig& config, PoseSource source) {
-  constexpr double kRadPerDeg = 3.14159265358979323846 / 180.0;
   constexpr double kMPerMm = 1e-3;
   Vector6d sigma;
   for (int i = 0; i < 3; ++i) {

@@ -14,7 +14,7 @@ namespace {
 constexpr std::array<const char*, 9> kFieldNames{
     "x", "y", "z", "normal_x", "normal_y", "normal_z", "rgb", "sigma_range", "sigma_lateral"};
 constexpr std::size_t kNumFields = kFieldNames.size();
-constexpr std::uint32_t kMaxSidePx = 1U << 16U;
+constexpr std::uint32_t kMaxCloudSidePx = 1U << 16U;
 using PointFields = std::array<float, kNumFields>;
 
 // rviz and PCL read a colour from the bits of a float.
@@ -53,9 +53,9 @@ Result<std::array<std::size_t, kNumFields>> FieldOffsets(const sensor_msgs::Poin
 }
 
 Status CheckCloudSize(const sensor_msgs::PointCloud2& cloud) {
-  if (cloud.width == 0 || cloud.height == 0 || cloud.width > kMaxSidePx ||
-      cloud.height > kMaxSidePx) {
-    return Fail("cloud size {} x {} must be 1 .. {}", cloud.width, cloud.height, kMaxSidePx);
+  if (cloud.width == 0 || cloud.height == 0 || cloud.width > kMaxCloudSidePx ||
+      cloud.height > kMaxCloudSidePx) {
+    return Fail("cloud size {} x {} must be 1 .. {}", cloud.width, cloud.height, kMaxCloudSidePx);
   }
   const std::size_t row_bytes = static_cast<std::size_t>(cloud.point_step) * cloud.width;
   if (cloud.is_bigendian != 0 || cloud.row_step < row_bytes ||

@@ -2,13 +2,12 @@
 #include <cmath>
 #include <numeric>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/sim/sim_cell.hpp"
 #include "fringe_fusion/sim/simulate_scan.hpp"
 
 namespace fringe_fusion::sim {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // Optical frame at `eye` whose z axis points to `target` and whose y axis points away from `up`.
 Transform LookAt(const Eigen::Vector3d& eye, const Eigen::Vector3d& target,

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <unordered_map>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/sim/gauges.hpp"
 
@@ -44,7 +45,6 @@ double Rib(const Vector3d& p, double x) {
 }
 
 double FreeformMm(const Vector3d& p) {
-  constexpr double kPi = 3.14159265358979323846;
   // Body, ring and handle sway along a wave so that no wall is flat.
   const Vector3d swayed(p.x(), p.y() - 4.0 * std::sin(2.0 * kPi * p.z() / 90.0), p.z());
   const double body = Ellipsoid(swayed - Vector3d(0.0, 0.0, 36.0), {24.0, 9.0, 34.0});

@@ -7,12 +7,11 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 
 namespace fringe_fusion::sim {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 int AddVertex(Mesh& mesh, const Eigen::Vector3d& vertex) {
   mesh.vertices.push_back(vertex.cast<float>());

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "random.hpp"
 
@@ -13,7 +14,6 @@ namespace {
 constexpr int kGridStep = 8;  // pixels between receivers
 constexpr int kRings = 8;     // directions in elevation
 constexpr int kSectors = 16;  // directions in azimuth
-constexpr double kPi = 3.14159265358979323846;
 
 // Columns span the surface, the third is the normal.
 Eigen::Matrix3d SurfaceFrame(const Eigen::Vector3d& normal) {

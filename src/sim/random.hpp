@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <initializer_list>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion::sim {
 
 // Counter-based random numbers: a value is a pure function of what it is for (seed, pose, frame,
@@ -51,9 +53,9 @@ class RandomStream {
     const std::uint64_t bits = Bits(counter);
     const float radius_uniform = (static_cast<float>(bits >> 40U) + 0.5F) * 0x1p-24F;
     const float angle_uniform = static_cast<float>((bits >> 8U) & 0xffffffU) * 0x1p-24F;
-    constexpr float kTwoPi = 6.28318530717958648F;
     // The half step can round up to 1 at the upper end, whose logarithm is 0: still valid.
-    return std::sqrt(-2.0F * std::log(radius_uniform)) * std::cos(kTwoPi * angle_uniform);
+    return std::sqrt(-2.0F * std::log(radius_uniform)) *
+           std::cos(static_cast<float>(kTwoPi) * angle_uniform);
   }
 
  private:

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "interreflection.hpp"
 #include "random.hpp"
@@ -12,9 +13,6 @@
 
 namespace fringe_fusion::sim {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kRadPerDeg = kPi / 180.0;
 
 // Light sources during one exposure, relative to their mean.
 struct FrameLight {

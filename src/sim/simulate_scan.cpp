@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/image_io.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
@@ -12,8 +13,6 @@
 
 namespace fringe_fusion::sim {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // What all views add up to.
 struct ScanTruth {

@@ -3,12 +3,11 @@
 #include <Eigen/Geometry>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 
 namespace fringe_fusion::sim {
 namespace {
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 ViewTruth EmptyTruth(int width, int height) {
   ViewTruth truth;

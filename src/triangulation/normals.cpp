@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/constants.hpp"
 #include "depth_step.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
@@ -13,8 +14,7 @@ namespace {
 
 using triangulation::DepthStep;
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-constexpr int kRowsPerChunk = 16;
+constexpr int kNormalRowsPerChunk = 16;
 constexpr int kMaxGrowth = 4;  // of the window of a sparse cloud
 
 /// Coordinates about one pixel in which a plane is linear: height = a p + b q + c.
@@ -152,7 +152,7 @@ class NormalFit {
 RangeImage EstimateNormals(const RangeImage& range, const TriangulationConfig& config) {
   RangeImage out = range;
   const NormalFit fit(range, config);
-  ParallelFor(range.height, kRowsPerChunk, [&](int begin, int end) {
+  ParallelFor(range.height, kNormalRowsPerChunk, [&](int begin, int end) {
     for (int y = begin; y < end; ++y) {
       for (int x = 0; x < range.width; ++x) {
         out.normals(x, y) = fit.Fit(x, y);

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "common/constants.hpp"
+
 namespace fringe_fusion {
 
 Eigen::Vector3f DirectionToCamera(const LineOfSight& line_of_sight, const Eigen::Vector3f& point) {
@@ -10,7 +12,6 @@ Eigen::Vector3f DirectionToCamera(const LineOfSight& line_of_sight, const Eigen:
 }
 
 RangeImage MakeRangeImage(int width, int height) {
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   RangeImage range;
   range.width = width;
   range.height = height;

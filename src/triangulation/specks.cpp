@@ -3,6 +3,7 @@
 #include <numeric>
 #include <vector>
 
+#include "common/constants.hpp"
 #include "depth_step.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
 
@@ -93,7 +94,6 @@ RangeImage RemoveSpecks(const RangeImage& range, const TriangulationConfig& conf
   }
   std::vector<int> sizes(range.points.size());
   for (std::uint32_t i = 0; i < range.points.size(); ++i) ++sizes[sets.Find(i)];
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   for (std::uint32_t i = 0; i < range.points.size(); ++i) {
     if (sizes[sets.Find(i)] >= config.min_component_px) continue;
     out.points[i].setConstant(kNan);

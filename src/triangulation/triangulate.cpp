@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/constants.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
 #include "ray_solver.hpp"
@@ -15,7 +16,6 @@ using triangulation::Observation;
 using triangulation::RayPoint;
 using triangulation::RaySolver;
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr int kRowsPerChunk = 16;
 
 bool HasSize(const Image<float>& image, const PhaseMap& phase) {
