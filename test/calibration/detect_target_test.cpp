@@ -18,7 +18,7 @@ using test_support::TargetToPixel;
 constexpr int kWidth = 640;
 constexpr int kHeight = 480;
 
-CalibrationTarget Target(TargetKind kind, int columns, int rows) {
+CalibrationTarget TargetOf(TargetKind kind, int columns, int rows) {
   CalibrationTarget target;
   target.kind = kind;
   target.num_columns = columns;
@@ -64,7 +64,7 @@ std::string MessageOf(const Result<TargetSighting>& result) {
 class EveryKind : public testing::TestWithParam<TargetKind> {};
 
 TEST_P(EveryKind, IsFoundAtAnyRoll) {
-  CalibrationTarget target = Target(GetParam(), 8, 7);
+  CalibrationTarget target = TargetOf(GetParam(), 8, 7);
   if (GetParam() == TargetKind::kCircles || GetParam() == TargetKind::kRingDots) {
     target.marked_points = {27, 28, 43};
     target.marked_radius_m = 0.007;
@@ -94,7 +94,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, EveryKind,
                          [](const auto& tested) { return TargetKindName(tested.param); });
 
 TEST(DetectTarget, SaysWhereTheOrientationIsAConvention) {
-  const CalibrationTarget circles = Target(TargetKind::kCircles, 8, 7);
+  const CalibrationTarget circles = TargetOf(TargetKind::kCircles, 8, 7);
   const Eigen::Matrix3d H = Homography(circles, 3.0);
   const auto turned = DetectTarget(DrawTarget(circles, H, kWidth, kHeight), circles, {});
   ASSERT_TRUE(turned) << MessageOf(turned);
@@ -102,7 +102,7 @@ TEST(DetectTarget, SaysWhereTheOrientationIsAConvention) {
   // By convention x runs to the right.
   EXPECT_LT(turned->points[0].pixel_camera.x(), turned->points[7].pixel_camera.x());
   // An odd number of corners on one side shows which way a chessboard lies.
-  const CalibrationTarget board = Target(TargetKind::kChessboard, 8, 7);
+  const CalibrationTarget board = TargetOf(TargetKind::kChessboard, 8, 7);
   const auto known = DetectTarget(DrawTarget(board, H, kWidth, kHeight), board, {});
   ASSERT_TRUE(known) << MessageOf(known);
   EXPECT_FALSE(known->is_orientation_assumed);
@@ -110,7 +110,7 @@ TEST(DetectTarget, SaysWhereTheOrientationIsAConvention) {
 
 TEST(DetectTarget, TakesPartsThatAreMarked) {
   for (const TargetKind kind : {TargetKind::kCharuco, TargetKind::kCircles}) {
-    CalibrationTarget target = Target(kind, 8, 7);
+    CalibrationTarget target = TargetOf(kind, 8, 7);
     if (kind == TargetKind::kCircles) {
       target.marked_points = {27, 28, 43};
       target.marked_radius_m = 0.007;
@@ -126,7 +126,7 @@ TEST(DetectTarget, TakesPartsThatAreMarked) {
 
 TEST(DetectTarget, RefusesPartsThatMayLieAnywhere) {
   for (const TargetKind kind : {TargetKind::kChessboard, TargetKind::kCircles}) {
-    const CalibrationTarget target = Target(kind, 8, 7);
+    const CalibrationTarget target = TargetOf(kind, 8, 7);
     const Eigen::Matrix3d H = Homography(target, 0.2, Eigen::Vector2d(0.12, -0.08));
     const auto sighting = DetectTarget(DrawTarget(target, H, kWidth, kHeight), target, {});
     ASSERT_FALSE(sighting);
@@ -136,8 +136,8 @@ TEST(DetectTarget, RefusesPartsThatMayLieAnywhere) {
 }
 
 TEST(DetectTarget, TellsAnotherSize) {
-  const CalibrationTarget shown = Target(TargetKind::kChessboard, 9, 7);
-  const CalibrationTarget stated = Target(TargetKind::kChessboard, 7, 6);
+  const CalibrationTarget shown = TargetOf(TargetKind::kChessboard, 9, 7);
+  const CalibrationTarget stated = TargetOf(TargetKind::kChessboard, 7, 6);
   const auto sighting =
       DetectTarget(DrawTarget(shown, Homography(shown, 0.1), kWidth, kHeight), stated, {});
   ASSERT_FALSE(sighting);
@@ -146,7 +146,7 @@ TEST(DetectTarget, TellsAnotherSize) {
 }
 
 TEST(DetectTarget, TellsSwappedColumnsAndRows) {
-  const CalibrationTarget shown = Target(TargetKind::kAsymmetricCircles, 4, 11);
+  const CalibrationTarget shown = TargetOf(TargetKind::kAsymmetricCircles, 4, 11);
   CalibrationTarget stated = shown;
   std::swap(stated.num_columns, stated.num_rows);
   const auto sighting =
@@ -159,7 +159,7 @@ TEST(DetectTarget, TellsSwappedColumnsAndRows) {
 TEST(DetectTarget, TellsAMirroredPrint) {
   for (const TargetKind kind :
        {TargetKind::kCharuco, TargetKind::kCircles, TargetKind::kShiftedDots}) {
-    CalibrationTarget target = Target(kind, 8, 7);
+    CalibrationTarget target = TargetOf(kind, 8, 7);
     if (kind == TargetKind::kCircles) {
       target.marked_points = {27, 28, 43};
       target.marked_radius_m = 0.007;
@@ -173,7 +173,7 @@ TEST(DetectTarget, TellsAMirroredPrint) {
 }
 
 TEST(DetectTarget, LightDotsOnADarkGround) {
-  CalibrationTarget target = Target(TargetKind::kCircles, 8, 7);
+  CalibrationTarget target = TargetOf(TargetKind::kCircles, 8, 7);
   target.light_on_dark = true;
   const Eigen::Matrix3d H = Homography(target, 0.1);
   const auto sighting = DetectTarget(DrawTarget(target, H, kWidth, kHeight), target, {});
@@ -182,7 +182,7 @@ TEST(DetectTarget, LightDotsOnADarkGround) {
 }
 
 TEST(DetectTarget, RefusesPicturesWithoutATarget) {
-  const CalibrationTarget target = Target(TargetKind::kChessboard, 8, 7);
+  const CalibrationTarget target = TargetOf(TargetKind::kChessboard, 8, 7);
   EXPECT_NE(MessageOf(DetectTarget(Image<float>(), target, {})).find("empty"), std::string::npos);
   Image<float> picture(kWidth, kHeight, 100.0F);
   EXPECT_NE(MessageOf(DetectTarget(picture, target, {})).find("blank"), std::string::npos);

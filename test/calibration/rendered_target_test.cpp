@@ -24,7 +24,7 @@ CalibrationTarget RingDots() {
   return target;
 }
 
-CalibrationTarget Chessboard() {
+CalibrationTarget RenderedChessboard() {
   CalibrationTarget target;
   target.num_columns = 8;
   target.num_rows = 5;
@@ -143,7 +143,7 @@ class RenderedTarget : public testing::TestWithParam<bool> {};
 
 TEST_P(RenderedTarget, IsLocatedFarBelowAPixelInBothDevices) {
   const bool has_dots = GetParam();
-  const CalibrationTarget target = has_dots ? RingDots() : Chessboard();
+  const CalibrationTarget target = has_dots ? RingDots() : RenderedChessboard();
   const Transform T_object_camera = sim::TargetView(MakeTargetPrint(target), 0.5, 0.45, -0.2, 0.1);
   const Rendered rendered = Render(target, T_object_camera);
   const auto sighting = SightTarget(rendered.stack, target, SightingConfig{}, "pose");
@@ -213,7 +213,7 @@ TEST(RenderedDots, AreCloseToTheBoundOfOneFrame) {
 }
 
 TEST(TransferToProjector, RefusesMapsThatDoNotServe) {
-  const CalibrationTarget target = Chessboard();
+  const CalibrationTarget target = RenderedChessboard();
   TargetSighting sighting;
   for (int i = 0; i < 8; ++i) {
     PointSighting point;

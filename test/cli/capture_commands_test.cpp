@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-double Figure(const fs::path& file, const std::string& key) {
+double JsonFigure(const fs::path& file, const std::string& key) {
   const std::string text = ReadBytes(file);
   const std::string quoted = '"' + key + "\": ";
   const std::size_t at = text.find(quoted);
@@ -54,7 +54,7 @@ TEST_F(Capture, DiagnoseNamesAShortExposureAndNothingElseIsAnError) {
       RunFringe({"diagnose", "--scan", Path("clean"), "--strict", "--json", Path("clean.json")});
   EXPECT_EQ(clean.exit_status, 0) << clean.err << clean.out;
   EXPECT_TRUE(Contains(clean.out, "view 0: 0 findings")) << clean.out;
-  EXPECT_EQ(Figure(Path("clean.json"), "num_findings"), 0.0);
+  EXPECT_EQ(JsonFigure(Path("clean.json"), "num_findings"), 0.0);
   // The limits come from the settings.
   WriteBytes(Path("limits/diagnosis.yaml"), "min_light_ratio: 0.999\n");
   const Outcome strange =
@@ -94,17 +94,17 @@ TEST_F(Capture, ResponseTableUndoesTheGammaOfTheProjector) {
       RunFringe({"response", "--scan", Path("scan"), "--out", Path("config/response.yaml"),
                  "--json", Path("response.json")});
   ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
-  EXPECT_NEAR(Figure(Path("response.json"), "gamma"), 2.2, 0.05);
-  EXPECT_GT(Figure(Path("response.json"), "sigma_gamma"), 0.0);
-  EXPECT_GE(Figure(Path("response.json"), "steps"), 4.0);
-  EXPECT_LT(Figure(Path("response.json"), "corrected_steps"),
-            Figure(Path("response.json"), "steps"));
+  EXPECT_NEAR(JsonFigure(Path("response.json"), "gamma"), 2.2, 0.05);
+  EXPECT_GT(JsonFigure(Path("response.json"), "sigma_gamma"), 0.0);
+  EXPECT_GE(JsonFigure(Path("response.json"), "steps"), 4.0);
+  EXPECT_LT(JsonFigure(Path("response.json"), "corrected_steps"),
+            JsonFigure(Path("response.json"), "steps"));
   // The same projector, its response undone by the table.
   Simulate("again");
   ASSERT_EQ(
       RunFringe({"response", "--scan", Path("again"), "--json", Path("again.json")}).exit_status,
       0);
-  EXPECT_NEAR(Figure(Path("again.json"), "gamma"), 1.0, 0.03);
+  EXPECT_NEAR(JsonFigure(Path("again.json"), "gamma"), 1.0, 0.03);
   // The pictures to show are those of the table.
   const Outcome patterns = RunFringe(
       {"patterns", "--size", "256x128", "--out", Path("patterns"), "--config", Path("config")});
@@ -139,8 +139,8 @@ TEST_F(Capture, ResponseComesFromAGreyRampAsWell) {
   const Outcome outcome = RunFringe(
       {"response", "--ramp", Path("ramp"), "--noise-ratio", "0.02", "--json", Path("ramp.json")});
   ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
-  EXPECT_NEAR(Figure(Path("ramp.json"), "gamma"), 1.7, 0.02);
-  EXPECT_GE(Figure(Path("ramp.json"), "steps"), 4.0);
+  EXPECT_NEAR(JsonFigure(Path("ramp.json"), "gamma"), 1.7, 0.02);
+  EXPECT_GE(JsonFigure(Path("ramp.json"), "steps"), 4.0);
   fs::rename(Path("ramp/ramp_017.png"), Path("ramp/other.png"));
   const Outcome unnamed = RunFringe({"response", "--ramp", Path("ramp")});
   EXPECT_EQ(unnamed.exit_status, 1);
@@ -162,9 +162,9 @@ TEST_F(Capture, SuggestTurnsTestExposuresIntoSettings) {
   const Outcome outcome = RunFringe({"suggest", "--scan", Path("test"), "--frames", "20", "--out",
                                      Path("pattern.yaml"), "--json", Path("suggest.json")});
   ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
-  EXPECT_LE(Figure(Path("suggest.json"), "num_frames"), 20.0);
-  EXPECT_GE(Figure(Path("suggest.json"), "steps"), 3.0);
-  const double sigma_m = Figure(Path("suggest.json"), "sigma_depth_m");
+  EXPECT_LE(JsonFigure(Path("suggest.json"), "num_frames"), 20.0);
+  EXPECT_GE(JsonFigure(Path("suggest.json"), "steps"), 3.0);
+  const double sigma_m = JsonFigure(Path("suggest.json"), "sigma_depth_m");
   EXPECT_GT(sigma_m, 1e-6);
   EXPECT_LT(sigma_m, 1e-3);
   // What it writes is what `patterns` reads.
@@ -192,7 +192,7 @@ TEST_F(Capture, EstimatedNoiseServesEveryCommandThatDecodes) {
     const Outcome outcome = RunFringe({"decode", "--scan", Path("scan"), "--out", Path("decoded"),
                                        "--config", Path("noise"), "--json", Path("decode.json")});
     EXPECT_EQ(outcome.exit_status, 0) << outcome.err;
-    return Figure(Path("decode.json"), "median_sigma_u_px");
+    return JsonFigure(Path("decode.json"), "median_sigma_u_px");
   };
   const double estimated = sigma("# as configured\n", "estimate_noise: true\n");
   const double truth = sigma("read_noise_dn: 2.5\ngain_dn: 0.2\n", "# none\n");

@@ -19,7 +19,7 @@ std::vector<View> Views() {
   return views;
 }
 
-ImplicitModel Fuse(const std::vector<View>& views) {
+ImplicitModel FuseByDefault(const std::vector<View>& views) {
   Result<ImplicitModel> model = ImplicitModel::Create(FusionConfig{});
   EXPECT_TRUE(model && model->AddViews(views));
   return std::move(*model);
@@ -31,7 +31,7 @@ TEST(ModelFile, ComesBackAsItWas) {
   std::vector<View> views = Views();
   const View late = views.back();
   views.pop_back();
-  ImplicitModel model = Fuse(views);
+  ImplicitModel model = FuseByDefault(views);
   ASSERT_TRUE(SaveModel(model, path, {"part 7", 3}));
   Result<SavedModel> saved = LoadModel(path);
   ASSERT_TRUE(saved) << saved.error().message;
@@ -48,7 +48,7 @@ TEST(ModelFile, ComesBackAsItWas) {
 
 TEST(ModelFile, WantsItsSuffix) {
   const test_support::TempFolder folder;
-  const Status status = SaveModel(Fuse({Views()[0]}), folder / "model");
+  const Status status = SaveModel(FuseByDefault({Views()[0]}), folder / "model");
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("must end in .vdb"), std::string::npos);
 }
@@ -72,7 +72,7 @@ TEST(ModelFile, RefusesWhatIsNoWholeModel) {
   EXPECT_FALSE(LoadModel(path));  // not there
   std::vector<View> views = Views();
   views.resize(2);
-  ASSERT_TRUE(SaveModel(Fuse(views), path));
+  ASSERT_TRUE(SaveModel(FuseByDefault(views), path));
   const Result<std::string> bytes = ReadFile(path);
   ASSERT_TRUE(bytes);
   const auto load = [&](const std::string& content) {
@@ -91,7 +91,7 @@ TEST(ModelFile, RefusesWhatIsNoWholeModel) {
 }
 
 TEST(ModelFile, SaysWhereItCannotWrite) {
-  const Status status = SaveModel(Fuse({Views()[0]}), "/nowhere/at/all/model.vdb");
+  const Status status = SaveModel(FuseByDefault({Views()[0]}), "/nowhere/at/all/model.vdb");
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("/nowhere/at/all"), std::string::npos);
 }

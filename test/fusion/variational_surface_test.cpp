@@ -15,7 +15,7 @@
 namespace fringe_fusion {
 namespace {
 
-constexpr double kRadius = 0.02;
+constexpr double kBallRadius = 0.02;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 // Evenly spread by the golden angle; true normals, noise along them.
@@ -29,7 +29,7 @@ std::vector<MeasuredPoint> SpherePoints(int count, double sigma_m) {
     const double angle = 2.399963 * i;
     const Eigen::Vector3d n(r * std::cos(angle), r * std::sin(angle), z);
     MeasuredPoint point;
-    point.position = ((kRadius + sigma_m * noise(random)) * n).cast<float>();
+    point.position = ((kBallRadius + sigma_m * noise(random)) * n).cast<float>();
     point.normal = n.cast<float>();
     point.sigma = static_cast<float>(std::max(sigma_m, 1e-6));
     point.color = Rgb8{10, 20, 30};
@@ -92,7 +92,7 @@ TEST(VariationalSurface, IsExactOnAnExactSphere) {
     // Points 1.3 mm apart on a radius of 20 mm: the chords lie 10 um deep.
     EXPECT_LT(ErrorsOn(*surface).rms_m, kernel == "biharmonic" ? 5e-6 : 2e-6) << kernel;
     // A distance, not just a zero set.
-    const FieldSample outside = surface->Query({0.0, kRadius + 0.0008, 0.0});
+    const FieldSample outside = surface->Query({0.0, kBallRadius + 0.0008, 0.0});
     ASSERT_TRUE(outside.supported);
     EXPECT_NEAR(outside.distance, 0.0008, 0.00008) << kernel;
     EXPECT_NEAR(outside.gradient.y(), 1.0F, 0.02F);
@@ -150,7 +150,7 @@ TEST(VariationalSurface, CellsFollowOneDenseSystem) {
   const double rms = std::sqrt(of_cloud / static_cast<double>(truth.size()));
   EXPECT_LT(rms, 0.6 * kSigma);
   EXPECT_LT(ErrorsOn(*cells).rms_m, 1.05 * rms);
-  EXPECT_NEAR(cloud->Gradient({kRadius, 0.0, 0.0}).norm(), 1.0, 0.05);
+  EXPECT_NEAR(cloud->Gradient({kBallRadius, 0.0, 0.0}).norm(), 1.0, 0.05);
 }
 
 TEST(VariationalSurface, WeighsPointsByTheirNoise) {
@@ -232,14 +232,15 @@ TEST(VariationalSurface, SameBytesOnAnyNumberOfThreads) {
 TEST(MeasuredPoints, CarryNoiseAlongTheNormal) {
   testing::ViewSettings settings;
   settings.stated_sigma_m = 1e-4;
-  const View view = testing::CastView(0, testing::SphereScene(kRadius), {0.0, 0.0, 0.2}, settings);
+  const View view =
+      testing::CastView(0, testing::SphereScene(kBallRadius), {0.0, 0.0, 0.2}, settings);
   VariationalConfig config;
   config.border_taper_px = 0.0;
   const auto points = MeasuredPoints({view}, config);
   ASSERT_TRUE(points);
   EXPECT_GT(points->size(), 1000U);
   for (const MeasuredPoint& point : *points) {
-    EXPECT_NEAR(point.position.norm(), kRadius, 1e-6);
+    EXPECT_NEAR(point.position.norm(), kBallRadius, 1e-6);
     const Eigen::Vector3f to_camera =
         (Eigen::Vector3f(0.0F, 0.0F, 0.2F) - point.position).normalized();
     EXPECT_NEAR(point.sigma, 1e-4F * point.normal.dot(to_camera), 1e-8F);

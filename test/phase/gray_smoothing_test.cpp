@@ -11,10 +11,10 @@
 namespace fringe_fusion::decode {
 namespace {
 
-const float kCellSigma = 1.0F / std::sqrt(12.0F);
+const float kSmoothedCellSigma = 1.0F / std::sqrt(12.0F);
 
 CoordinateImage Stairs(double slope_x, double slope_y) {
-  CoordinateImage code{Image<float>(60, 50), Image<float>(60, 50, kCellSigma)};
+  CoordinateImage code{Image<float>(60, 50), Image<float>(60, 50, kSmoothedCellSigma)};
   for (int y = 0; y < 50; ++y) {
     for (int x = 0; x < 60; ++x) {
       code.value_px(x, y) = static_cast<float>(std::round(200.0 + slope_x * x + slope_y * y));
@@ -42,7 +42,7 @@ TEST(SmoothGrayCode, TakesTheRoundingOut) {
 // Pixels much smaller than cells: nothing averages out, and sigma stays that of the cell.
 TEST(SmoothGrayCode, PromisesNothingOnFlatStairs) {
   const CoordinateImage smooth = SmoothGrayCode(Stairs(0.01, 0.0), 2, 8.0F);
-  EXPECT_NEAR(smooth.sigma_px(20, 20), kCellSigma, 0.02F);
+  EXPECT_NEAR(smooth.sigma_px(20, 20), kSmoothedCellSigma, 0.02F);
 }
 
 // Planes of all pairs of slopes, each at many places between the cells, side by side in one image.
@@ -78,7 +78,8 @@ class SlopeTiles {
   [[nodiscard]] CoordinateImage Code() const {
     const int width = kSide * kNumPlaces;
     const int height = kSide * count();
-    CoordinateImage code{Image<float>(width, height), Image<float>(width, height, kCellSigma)};
+    CoordinateImage code{Image<float>(width, height),
+                         Image<float>(width, height, kSmoothedCellSigma)};
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         code.value_px(x, y) = static_cast<float>(std::round(Truth(x, y)));

@@ -14,7 +14,7 @@
 namespace fringe_fusion::decode {
 namespace {
 
-test::SyntheticScene NoisyScene() {
+test::SyntheticScene KernelScene() {
   test::SyntheticScene scene;
   scene.width = 203;  // no multiple of any vector
   scene.height = 4;
@@ -25,7 +25,7 @@ test::SyntheticScene NoisyScene() {
 }
 
 void ExpectSameRows(const PatternConfig& pattern) {
-  const ImageStack stack = test::Synthesize(MakeSequence(pattern, 128, 96).value(), NoisyScene());
+  const ImageStack stack = test::Synthesize(MakeSequence(pattern, 128, 96).value(), KernelScene());
   PhaseConfig config;
   config.report_order_error = true;
   test::RowFixture portable(stack, config, PortableKernels());
@@ -76,7 +76,7 @@ bool SameBytes(const Image<T>& a, const Image<T>& b) {
 
 // Several stretches of a row, of which the last has no whole number of vectors.
 ImageStack WideStack(int steps, int bit_depth, bool with_white) {
-  test::SyntheticScene scene = NoisyScene();
+  test::SyntheticScene scene = KernelScene();
   scene.width = 603;
   scene.bit_depth = bit_depth;
   scene.bright_dn = 200.0;
@@ -121,7 +121,7 @@ struct Distance {
   [[nodiscard]] double Rms() const { return std::sqrt(squares / num_valid); }
 };
 
-Distance Compare(const PhaseMap& a, const PhaseMap& b, bool axis_v) {
+Distance CompareMaps(const PhaseMap& a, const PhaseMap& b, bool axis_v) {
   const Image<float>& coordinate = axis_v ? a.v : a.u;
   const Image<float>& other = axis_v ? b.v : b.u;
   const Image<float>& sigma = axis_v ? a.sigma_v : a.sigma_u;
@@ -144,7 +144,7 @@ Distance Compare(const PhaseMap& a, const PhaseMap& b, bool axis_v) {
 void ExpectEquallyGood(const PhaseMap& slow, const PhaseMap& fast) {
   for (const bool axis_v : {false, true}) {
     if (axis_v && slow.v.empty()) continue;
-    const Distance distance = Compare(slow, fast, axis_v);
+    const Distance distance = CompareMaps(slow, fast, axis_v);
     EXPECT_GT(distance.num_valid, 100);
     EXPECT_LE(distance.Rms(), 0.15);
     EXPECT_LE(distance.sigma_ratio_off, 0.02);
@@ -189,7 +189,7 @@ TEST(Kernels, LadderLeavesSaturatedPixelsToTheGeneralDecoder) {
 // Whole stretches, groups of pixels and single pixels without light, doubtful and bad ones: quick
 // kernels leave them to the others, and nothing else changes.
 ImageStack PatchyStack(const PatternSequence& sequence) {
-  test::SyntheticScene scene = NoisyScene();
+  test::SyntheticScene scene = KernelScene();
   scene.width = 1100;
   scene.height = 40;
   scene.bright_dn = 180.0;

@@ -21,12 +21,6 @@ testing::BumpyGraph Body(int num_views, double radius_m, double bump_ratio) {
   return testing::MakeBumpyGraph(scene);
 }
 
-RegistrationConfig SmallConfig() {
-  RegistrationConfig config;
-  config.min_correspondences = 60;
-  return config;
-}
-
 AssemblyConfig FewTrials() {
   AssemblyConfig config;
   config.max_points_per_view = 400;
@@ -53,7 +47,7 @@ TEST(CheckPair, TrueAndFalsePosesDiffer) {
 TEST(RegisterUnordered, AssemblesABodyFromNothing) {
   auto truth = Body(8, 0.04, 0.15);
   for (View& view : truth.graph.views) view.pose = {};  // no pose at all
-  const auto result = RegisterUnordered(truth.graph.views, SmallConfig(), FewTrials());
+  const auto result = RegisterUnordered(truth.graph.views, testing::SmallConfig(), FewTrials());
   ASSERT_TRUE(result) << result.error().message;
   for (const RegisteredView& view : result->views) EXPECT_TRUE(view.connected) << view.id;
   const auto compared = RigidAlign(truth.graph, PosesOf(*result), truth.T_object_camera_true);
@@ -74,7 +68,7 @@ TEST(RegisterUnordered, ViewOfAnotherBodyIsReportedNotPlaced) {
   stranger.name = "stranger";
   std::vector<View> views = truth.graph.views;
   views.insert(views.begin() + 2, stranger);
-  const auto result = RegisterUnordered(views, SmallConfig(), FewTrials());
+  const auto result = RegisterUnordered(views, testing::SmallConfig(), FewTrials());
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_FALSE(result->views[2].connected);
   EXPECT_EQ(result->views[2].pose.source, PoseSource::kNone);
@@ -87,11 +81,11 @@ TEST(RegisterUnordered, ViewOfAnotherBodyIsReportedNotPlaced) {
 
 TEST(RegisterUnordered, FailsWhereNothingFits) {
   const std::vector<View> one = {testing::MakePlaneView({}, 0)};
-  EXPECT_FALSE(RegisterUnordered(one, SmallConfig(), FewTrials()));
+  EXPECT_FALSE(RegisterUnordered(one, testing::SmallConfig(), FewTrials()));
   AssemblyConfig config;
   config.num_hypotheses = 0;
   const auto truth = Body(3, 0.04, 0.15);
-  const auto bad = RegisterUnordered(truth.graph.views, SmallConfig(), config);
+  const auto bad = RegisterUnordered(truth.graph.views, testing::SmallConfig(), config);
   ASSERT_FALSE(bad);
   EXPECT_NE(bad.error().message.find("num_hypotheses"), std::string::npos);
 }
@@ -106,7 +100,7 @@ TEST(RegisterViews, RecoversFromPosesThatAreFarOff) {
     truth.graph.views[i].pose.T_object_camera = moved * truth.T_object_camera_true[i];
     truth.graph.views[i].pose.covariance.setZero();
   }
-  const auto result = RegisterViews(truth.graph, SmallConfig());
+  const auto result = RegisterViews(truth.graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_TRUE(result->recovered);
   const auto compared = RigidAlign(truth.graph, PosesOf(*result), truth.T_object_camera_true);

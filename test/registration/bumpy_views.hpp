@@ -9,6 +9,15 @@
 
 namespace fringe_fusion::testing {
 
+constexpr double kRadPerDeg = M_PI / 180.0;
+
+/// For views of a few thousand points.
+inline RegistrationConfig SmallConfig() {
+  RegistrationConfig config;
+  config.min_correspondences = 60;
+  return config;
+}
+
 /// Views of a star-shaped bumpy body, r = R(direction), with known poses.
 struct BumpyScene {
   double radius_m = 0.04;

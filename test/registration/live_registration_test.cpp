@@ -8,12 +8,6 @@
 namespace fringe_fusion {
 namespace {
 
-RegistrationConfig SmallConfig() {
-  RegistrationConfig config;
-  config.min_correspondences = 60;
-  return config;
-}
-
 testing::BumpyGraph SmallScan() {
   testing::BumpyScene scene;
   scene.width = 64;
@@ -32,7 +26,7 @@ std::vector<Transform> PosesOf(const LiveRegistration& live) {
 
 TEST(LiveRegistration, PlacesEveryViewAsItComesAndSolvesInTheEnd) {
   const auto truth = SmallScan();
-  auto live = LiveRegistration::Create(SmallConfig(), 3);
+  auto live = LiveRegistration::Create(testing::SmallConfig(), 3);
   ASSERT_TRUE(live);
   for (const View& view : truth.graph.views) {
     const std::vector<Transform> before = PosesOf(*live);
@@ -57,7 +51,7 @@ TEST(LiveRegistration, PlacesEveryViewAsItComesAndSolvesInTheEnd) {
 
 TEST(LiveRegistration, WhateverFailsLeavesTheLastGoodState) {
   const auto truth = SmallScan();
-  auto live = LiveRegistration::Create(SmallConfig());
+  auto live = LiveRegistration::Create(testing::SmallConfig());
   ASSERT_TRUE(live);
   EXPECT_FALSE(live->Solve());  // no view yet
   ASSERT_TRUE(live->Add(truth.graph.views[0]) && live->Add(truth.graph.views[1]));

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kFinest = ViewSurface::kNumLevels - 1;
 
-MatchLimits Limits() {
+MatchLimits FinestLimits() {
   MatchLimits limits;
   limits.radius_m = 0.002;
   limits.level = kFinest;
@@ -26,7 +26,7 @@ TEST(MatchViews, ResidualIsTheSignedDistanceOfShiftedPlanes) {
   ASSERT_TRUE(set);
   std::vector<Transform> poses(2, Transform::Identity());
   poses[0].translation() = Eigen::Vector3d(1e-4, 0.0, 3e-4);
-  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), Limits());
+  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), FinestLimits());
   ASSERT_EQ(matches.pairs.size(), 1U);
   const ViewPair& pair = matches.pairs.front();
   EXPECT_TRUE(pair.counts);
@@ -44,7 +44,7 @@ TEST(MatchViews, TwoFullySampledViewsShareTheirInformation) {
   const auto set = MakeSurfaces(TwoPlanes(scene), PixelSet::kRegistration, 100000);
   ASSERT_TRUE(set);
   const std::vector<Transform> poses(2, Transform::Identity());
-  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), Limits());
+  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), FinestLimits());
   // Each of N pairs is found from both sides; together they must weigh N / (2 sigma^2).
   double weight = 0.0;
   double plain = 0.0;
@@ -62,7 +62,7 @@ TEST(MatchViews, NoPartnersOnTheOtherSideOfASheet) {
   ASSERT_TRUE(set);
   std::vector<Transform> poses(2, Transform::Identity());
   poses[1].linear() = ExpRotation(Eigen::Vector3d(M_PI, 0.0, 0.0));
-  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), Limits());
+  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), FinestLimits());
   EXPECT_TRUE(matches.pairs.front().from_first.empty());
   EXPECT_FALSE(matches.pairs.front().counts);
 }
@@ -72,7 +72,7 @@ TEST(MatchViews, BordersAreNoPartners) {
   ASSERT_TRUE(set);
   std::vector<Transform> poses(2, Transform::Identity());
   poses[0].translation().x() = 0.015;  // half a side
-  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), Limits());
+  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), FinestLimits());
   const ViewPair& pair = matches.pairs.front();
   ASSERT_GT(pair.from_first.size(), 300U);
   for (const Match& match : pair.from_first) {
@@ -92,7 +92,7 @@ TEST(MatchViews, OutliersAreRejectedAndDoNotSpoilTheScale) {
   const auto set = MakeSurfaces(views, PixelSet::kRegistration, 10000);
   ASSERT_TRUE(set);
   const std::vector<Transform> poses(2, Transform::Identity());
-  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), Limits());
+  const MatchSet matches = MatchViews(*set, poses, AllPairs(2), FinestLimits());
   for (const Match& match : matches.pairs.front().from_first) {
     EXPECT_LT(std::abs(match.residual_m), 1e-4);
   }
@@ -104,7 +104,7 @@ TEST(MatchViews, PairsBelowTheLeastOverlapDoNotCount) {
   ASSERT_TRUE(set);
   std::vector<Transform> poses(2, Transform::Identity());
   poses[0].translation().x() = 0.026;  // about an eighth is left
-  MatchLimits limits = Limits();
+  MatchLimits limits = FinestLimits();
   limits.min_overlap_ratio = 0.05;
   EXPECT_TRUE(MatchViews(*set, poses, AllPairs(2), limits).pairs.front().counts);
   limits.min_overlap_ratio = 0.25;
@@ -124,7 +124,8 @@ TEST(ComputeMatch, MeanNormalIsExactOnACircularArc) {
   const auto truth = testing::MakeBumpyGraph(scene);
   const auto set = MakeSurfaces(truth.graph.views, PixelSet::kRegistration, 10000);
   ASSERT_TRUE(set);
-  const MatchSet matches = MatchViews(*set, truth.T_object_camera_true, AllPairs(8), Limits());
+  const MatchSet matches =
+      MatchViews(*set, truth.T_object_camera_true, AllPairs(8), FinestLimits());
   EXPECT_GT(matches.pairs.front().from_first.size(), 300U);
   EXPECT_LT(matches.rms_m, 2e-8);  // float points at 0.4 m
 }

@@ -9,7 +9,7 @@
 namespace fringe_fusion {
 namespace {
 
-RegistrationConfig SmallConfig() {
+RegistrationConfig OverlapConfig() {
   RegistrationConfig config;
   config.min_correspondences = 50;
   return config;
@@ -20,13 +20,13 @@ TEST(HeldOutOverlapResidual, IsTheNoiseAtTheTruthAndMoreBesideIt) {
   scene.sigma_normal_rad = 0.0;
   const auto truth = testing::MakeBumpyGraph(scene);
   const auto at_truth =
-      HeldOutOverlapResidual(truth.graph, truth.T_object_camera_true, SmallConfig());
+      HeldOutOverlapResidual(truth.graph, truth.T_object_camera_true, OverlapConfig());
   ASSERT_TRUE(at_truth) << at_truth.error().message;
   // Two points with 20 um along rays that meet the surface at up to 78 degrees.
   EXPECT_GT(*at_truth, 12e-6);
   EXPECT_LT(*at_truth, std::sqrt(2.0) * 20e-6);
   const auto at_prior =
-      HeldOutOverlapResidual(truth.graph, testing::PosesOf(truth.graph), SmallConfig());
+      HeldOutOverlapResidual(truth.graph, testing::PosesOf(truth.graph), OverlapConfig());
   ASSERT_TRUE(at_prior);
   EXPECT_GT(*at_prior, 5.0 * *at_truth);
 }
@@ -37,15 +37,15 @@ TEST(HeldOutOverlapResidual, NamesWhatIsWrong) {
   auto truth = testing::MakeBumpyGraph(scene);
   std::vector<Transform> poses = truth.T_object_camera_true;
   poses.pop_back();
-  EXPECT_FALSE(HeldOutOverlapResidual(truth.graph, poses, SmallConfig()));
+  EXPECT_FALSE(HeldOutOverlapResidual(truth.graph, poses, OverlapConfig()));
   poses = truth.T_object_camera_true;
   poses[1].translation().x() = std::numeric_limits<double>::quiet_NaN();
-  const auto not_finite = HeldOutOverlapResidual(truth.graph, poses, SmallConfig());
+  const auto not_finite = HeldOutOverlapResidual(truth.graph, poses, OverlapConfig());
   ASSERT_FALSE(not_finite);
   EXPECT_NE(not_finite.error().message.find("view 1"), std::string::npos);
   poses[1] = truth.T_object_camera_true[1];
   poses[1].translation().x() += 1.0;
-  const auto apart = HeldOutOverlapResidual(truth.graph, poses, SmallConfig());
+  const auto apart = HeldOutOverlapResidual(truth.graph, poses, OverlapConfig());
   ASSERT_FALSE(apart);
   EXPECT_NE(apart.error().message.find("overlap"), std::string::npos);
 }

@@ -10,7 +10,7 @@
 namespace fringe_fusion {
 namespace {
 
-MatchLimits Limits() {
+MatchLimits CoarsestLimits() {
   MatchLimits limits;
   limits.level = ViewSurface::kNumLevels - 1;
   return limits;
@@ -24,7 +24,7 @@ TEST(SumPair, GradientIsThatOfTheCost) {
   const auto set = MakeSurfaces(truth.graph.views, PixelSet::kRegistration, 10000);
   ASSERT_TRUE(set);
   const std::vector<Transform> poses = testing::PosesOf(truth.graph);
-  const MatchSet matches = MatchViews(*set, poses, {{0, 1, false}}, Limits());
+  const MatchSet matches = MatchViews(*set, poses, {{0, 1, false}}, CoarsestLimits());
   const ViewPair& pair = matches.pairs.front();
   const PairInformation sum = SumPair(pair, *set, poses);
   // Cost with partners, weights and normals held, as Gauss-Newton sees it.
@@ -69,7 +69,7 @@ TEST(SumPair, PlaneConstrainsThreeDirectionsEvenWithNoisyNormals) {
                      PixelSet::kRegistration, 10000);
     ASSERT_TRUE(set);
     const std::vector<Transform> poses(2, Transform::Identity());
-    const MatchSet matches = MatchViews(*set, poses, AllPairs(2), Limits());
+    const MatchSet matches = MatchViews(*set, poses, AllPairs(2), CoarsestLimits());
     const PairInformation sum = SumPair(matches.pairs.front(), *set, poses);
     const Vector6d values = Eigen::SelfAdjointEigenSolver<Matrix6d>(sum.hessian).eigenvalues();
     EXPECT_LT(values[2], 1e-6 * values[5]);

@@ -22,14 +22,6 @@ using testing::BumpyScene;
 using testing::MakeBumpyGraph;
 using testing::PosesOf;
 
-constexpr double kRadPerDeg = M_PI / 180.0;
-
-RegistrationConfig SmallConfig() {
-  RegistrationConfig config;
-  config.min_correspondences = 60;
-  return config;
-}
-
 double AlignedError(const testing::BumpyGraph& truth, const std::vector<Transform>& poses) {
   const auto comparison = RigidAlign(truth.graph, poses, truth.T_object_camera_true);
   EXPECT_TRUE(comparison);
@@ -39,7 +31,7 @@ double AlignedError(const testing::BumpyGraph& truth, const std::vector<Transfor
 TEST(RegisterViews, TurntablePriorsBecomeFiftyTimesBetter) {
   // Priors of 0.05 deg and 0.2 mm at 0.4 m, noise 20 um on 2800 points a view.
   const auto truth = MakeBumpyGraph({});
-  RegistrationConfig config = SmallConfig();
+  RegistrationConfig config = testing::SmallConfig();
   config.hold_out = true;
   const auto result = RegisterViews(truth.graph, config);
   ASSERT_TRUE(result) << result.error().message;
@@ -54,9 +46,10 @@ TEST(RegisterViews, TurntablePriorsBecomeFiftyTimesBetter) {
     EXPECT_GT(view.overlap_ratio, 0.5);
     EXPECT_LT(view.rms_m, std::sqrt(2.0) * 20e-6);
   }
-  const auto held_out = HeldOutOverlapResidual(truth.graph, PosesOf(*result), SmallConfig());
+  const auto held_out =
+      HeldOutOverlapResidual(truth.graph, PosesOf(*result), testing::SmallConfig());
   const auto at_truth =
-      HeldOutOverlapResidual(truth.graph, truth.T_object_camera_true, SmallConfig());
+      HeldOutOverlapResidual(truth.graph, truth.T_object_camera_true, testing::SmallConfig());
   ASSERT_TRUE(held_out && at_truth);
   EXPECT_LT(*held_out, 1.03 * *at_truth);
 }
@@ -66,7 +59,7 @@ TEST(RegisterViews, ExactDataGiveThePosesToTheGrid) {
   scene.sigma_range_m = 0.0;  // stated as unknown
   scene.sigma_normal_rad = 0.0;
   const auto truth = MakeBumpyGraph(scene);
-  const auto result = RegisterViews(truth.graph, SmallConfig());
+  const auto result = RegisterViews(truth.graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   // 1 mm between points on bumps of 10 mm: what the mean of the normals leaves.
   EXPECT_LT(AlignedError(truth, PosesOf(*result)), 4e-6);
@@ -81,13 +74,13 @@ TEST(RegisterViews, ComesBackFromTwoDegreesAndTwoMillimetresWithoutPriors) {
     const Eigen::Vector3d shift = testing::RandomTwist(1.0, 0.0, random).head<3>().normalized();
     // About the middle of the object, 0.4 m away from the camera.
     Transform about_middle = Transform::Identity();
-    about_middle.linear() = ExpRotation(2.0 * kRadPerDeg * axis);
+    about_middle.linear() = ExpRotation(2.0 * testing::kRadPerDeg * axis);
     about_middle.translation() = 2e-3 * shift;
     Pose& pose = truth.graph.views[i].pose;
     pose.T_object_camera = about_middle * truth.T_object_camera_true[i];
     pose.covariance.setZero();
   }
-  RegistrationConfig config = SmallConfig();
+  RegistrationConfig config = testing::SmallConfig();
   config.max_distance_m = 0.006;
   config.use_prior = false;
   const auto result = RegisterViews(truth.graph, config);
@@ -112,7 +105,7 @@ TEST(RegisterViews, StatedCovarianceMatchesTheError) {
     auto truth = MakeBumpyGraph(scene);
     truth.graph.views[0].pose.T_object_camera = truth.T_object_camera_true[0];
     truth.graph.views[0].pose.covariance.setZero();
-    const auto result = RegisterViews(truth.graph, SmallConfig());
+    const auto result = RegisterViews(truth.graph, testing::SmallConfig());
     ASSERT_TRUE(result) << result.error().message;
     for (std::size_t i = 1; i < 6; ++i) {
       const Pose& pose = result->views[i].pose;
@@ -136,7 +129,7 @@ TEST(RegisterViews, PlaneKeepsWeakDirectionsOnThePrior) {
   offset << 1e-3, -2e-3, 3e-3, 4e-4, -3e-4, 5e-4;
   graph.views[1].pose.T_object_camera = Exp(offset);
   for (const bool use_prior : {true, false}) {
-    RegistrationConfig config = SmallConfig();
+    RegistrationConfig config = testing::SmallConfig();
     config.use_prior = use_prior;
     const auto result = RegisterViews(graph, config);
     ASSERT_TRUE(result) << result.error().message;
@@ -164,7 +157,7 @@ TEST(RegisterViews, UnconnectedViewKeepsItsPriorAndIsReported) {
   Pose& far = truth.graph.views[3].pose;
   far.T_object_camera.translation().x() += 1.0;
   // Its prior is tight: it is not looked for by shape.
-  const auto result = RegisterViews(truth.graph, SmallConfig());
+  const auto result = RegisterViews(truth.graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(result->views[i].connected, i != 3) << i;
   const RegisteredView& alone = result->views[3];
@@ -180,7 +173,7 @@ TEST(RegisterViews, HeldViewsDoNotMove) {
     truth.graph.views[i].pose.T_object_camera = truth.T_object_camera_true[i];
     truth.graph.views[i].pose.covariance.setZero();
   }
-  const auto result = RegisterViews(truth.graph, SmallConfig());
+  const auto result = RegisterViews(truth.graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   for (const std::size_t i : {1U, 4U}) {
     EXPECT_TRUE(result->views[i].pose.T_object_camera.matrix() ==
@@ -195,7 +188,7 @@ TEST(RegisterViews, IsTheSameOnAnyNumberOfThreads) {
   std::vector<RegistrationResult> results;
   for (const int num_threads : {1, 2, 3}) {
     const ThreadLimit limit(num_threads);
-    const auto result = RegisterViews(truth.graph, SmallConfig());
+    const auto result = RegisterViews(truth.graph, testing::SmallConfig());
     ASSERT_TRUE(result) << result.error().message;
     results.push_back(*result);
   }
@@ -242,7 +235,7 @@ TEST(RegisterViews, CanBeCancelled) {
   const auto truth = MakeBumpyGraph({});
   int calls = 0;
   const auto result =
-      RegisterViews(truth.graph, SmallConfig(),
+      RegisterViews(truth.graph, testing::SmallConfig(),
                     [&](const std::string& /*stage*/, double /*fraction*/) { return ++calls < 3; });
   ASSERT_FALSE(result);
   EXPECT_EQ(result.error().message, kCancelled);
@@ -340,7 +333,7 @@ TEST_F(StanfordBunny, FromTwoDegreesAndTwoMillimetresAside) {
     const Eigen::Vector3d axis = testing::RandomTwist(1.0, 0.0, random).head<3>().normalized();
     const Eigen::Vector3d shift = testing::RandomTwist(1.0, 0.0, random).head<3>().normalized();
     Transform aside = Transform::Identity();
-    aside.linear() = ExpRotation(2.0 * kRadPerDeg * axis);
+    aside.linear() = ExpRotation(2.0 * testing::kRadPerDeg * axis);
     aside.translation() = middle - aside.linear() * middle + 2e-3 * shift;
     view.pose.T_object_camera = aside * view.pose.T_object_camera;
   }

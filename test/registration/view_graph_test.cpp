@@ -15,14 +15,6 @@ using testing::BumpyScene;
 using testing::MakeBumpyGraph;
 using testing::PosesOf;
 
-constexpr double kRadPerDeg = M_PI / 180.0;
-
-RegistrationConfig SmallConfig() {
-  RegistrationConfig config;
-  config.min_correspondences = 60;
-  return config;
-}
-
 bool Warns(const RegistrationResult& result, const std::string& text) {
   for (const std::string& warning : result.warnings) {
     if (warning.find(text) != std::string::npos) return true;
@@ -85,7 +77,7 @@ TEST(ViewGraph, SolvesTheAxisOfATurntableWithThePoses) {
     graph.views[i].pose.T_object_camera =
         T_object_wrong * graph.chain->readings[i].T_base_flange * T_wrong_camera;
   }
-  const auto result = RegisterViews(graph, SmallConfig());
+  const auto result = RegisterViews(graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   ASSERT_TRUE(result->chain);
   const AxisLine axis = TurntableAxis(*result->chain);
@@ -93,7 +85,7 @@ TEST(ViewGraph, SolvesTheAxisOfATurntableWithThePoses) {
   const Eigen::Vector3d on_axis = scan.T_object_table.translation();
   const double angle = std::acos(std::min(1.0, std::abs(axis.direction.dot(direction))));
   const double distance = (axis.point - on_axis).cross(direction).norm();
-  EXPECT_LT(angle, 0.01 * kRadPerDeg);
+  EXPECT_LT(angle, 0.01 * testing::kRadPerDeg);
   EXPECT_LT(distance, 0.02e-3);
   EXPECT_LT(angle, 4.0 * axis.sigma_direction_rad);
   EXPECT_LT(result->chain->rms_sigma, 1.5);
@@ -114,7 +106,7 @@ TEST(ViewGraph, ReadingThatContradictsTheSurfacesIsNamed) {
   for (std::size_t i = 0; i < kViews; ++i) {
     graph.views[i].pose.T_object_camera = scan.truth.T_object_camera_true[i];
   }
-  const auto result = RegisterViews(graph, SmallConfig());
+  const auto result = RegisterViews(graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_TRUE(Warns(*result, "turntable at view 5"));
   const auto compared = RigidAlign(graph, PosesOf(*result), scan.truth.T_object_camera_true);
@@ -133,7 +125,7 @@ TEST(ViewGraph, TiesPlaceAViewThatSharesNoSurface) {
   const Transform T_first_second =
       truth.T_object_camera_true[0].inverse() * truth.T_object_camera_true[1];
   graph.ties.push_back({0, 3, T_first_second, PoseCovariance(1e-5, 1e-6), PoseSource::kEpipolar});
-  const auto result = RegisterViews(graph, SmallConfig());
+  const auto result = RegisterViews(graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   const RegisteredView& tied = result->views[1];
   EXPECT_FALSE(tied.connected);
@@ -153,7 +145,7 @@ TEST(ViewGraph, InconsistentPriorsAndTiesAreStatedAndDoNotBendTheSurfaces) {
   graph.views[4].pose.T_object_camera = truth.T_object_camera_true[4] * Exp(slip);
   const Transform T_01 = truth.T_object_camera_true[0].inverse() * truth.T_object_camera_true[1];
   graph.ties.push_back({0, 1, T_01 * Exp(slip), PoseCovariance(1e-4, 1e-5), PoseSource::kEpipolar});
-  RegistrationConfig config = SmallConfig();
+  RegistrationConfig config = testing::SmallConfig();
   config.max_distance_m = 0.01;
   const auto result = RegisterViews(graph, config);
   ASSERT_TRUE(result) << result.error().message;
@@ -173,7 +165,7 @@ TEST(ViewGraph, WeakDirectionsOfAPlaneAreNamed) {
   ViewGraph graph;
   for (int i = 0; i < 2; ++i) graph.views.push_back(testing::MakePlaneView(scene, i));
   graph.views[1].pose.covariance = PoseCovariance(2e-3, 4e-4);
-  const auto result = RegisterViews(graph, SmallConfig());
+  const auto result = RegisterViews(graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_NE(result->views[1].weak_directions.find("plane with normal (0.00, 0.00, 1.00)"),
             std::string::npos);
@@ -191,7 +183,7 @@ TEST(ViewGraph, DoubledSurfaceIsReported) {
   for (int y = 0; y < 60; ++y) {
     for (int x = 35; x < 60; ++x) graph.views[1].range.points(x, y).z() += 1.2e-4F;
   }
-  const auto result = RegisterViews(graph, SmallConfig());
+  const auto result = RegisterViews(graph, testing::SmallConfig());
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_TRUE(Warns(*result, "doubled surface"));
   EXPECT_NEAR(result->views[1].doubled_m, 1.2e-4, 2e-5);
@@ -203,7 +195,7 @@ TEST(ViewGraph, GroupsThatShareNothingAreReported) {
     Transform& T = truth.graph.views[i].pose.T_object_camera;
     T = Transform(Eigen::Translation3d(0.3, 0.0, 0.0)) * T;
   }
-  RegistrationConfig config = SmallConfig();
+  RegistrationConfig config = testing::SmallConfig();
   config.recover = false;
   const auto result = RegisterViews(truth.graph, config);
   ASSERT_TRUE(result) << result.error().message;

@@ -8,8 +8,6 @@
 namespace fringe_fusion::sim {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 TEST(CellSetup, BothDevicesCoverTheWorkingVolume) {
   const CellCalibration calibration = DefaultCalibration();
   ASSERT_TRUE(Validate(calibration, "default"));
@@ -33,7 +31,7 @@ TEST(CellSetup, TurntablePoseLooksAtTheTarget) {
   for (int k = 0; k < 5; ++k) {
     const Transform T = TurntablePose(k, 5, 0.5, 25.0, target);
     EXPECT_LT((T.inverse() * target - Eigen::Vector3d(0.0, 0.0, 0.5)).norm(), 1e-12);
-    EXPECT_NEAR(T.translation().z(), 0.035 + 0.5 * std::sin(25.0 * kPi / 180.0), 1e-12);
+    EXPECT_NEAR(T.translation().z(), 0.035 + 0.5 * std::sin(25.0 * M_PI / 180.0), 1e-12);
     EXPECT_NEAR(T.linear().determinant(), 1.0, 1e-12);
     // Up in the world is up in the picture: y of the camera points down.
     EXPECT_LT((T.linear().transpose() * Eigen::Vector3d::UnitZ()).y(), 0.0);
@@ -47,7 +45,7 @@ TEST(CellSetup, TheObjectTurnsCounterClockwise) {
   const Transform next = TurntablePose(1, 8, 0.5, 30.0, target);
   const Eigen::Vector3d point(0.03, 0.01, 0.02);
   // Turned by 45 degrees about +z, the point is where the fixed camera saw R point before.
-  const Eigen::Vector3d turned = ExpRotation({0.0, 0.0, kPi / 4.0}) * point;
+  const Eigen::Vector3d turned = ExpRotation({0.0, 0.0, M_PI / 4.0}) * point;
   EXPECT_LT((next.inverse() * point - first.inverse() * turned).norm(), 1e-12);
 }
 

@@ -12,8 +12,6 @@
 namespace fringe_fusion::sim {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 TEST(Gauges, PlaneIsFlatAndOpen) {
   const Mesh plane = MakePlane(0.12, 6);
   EXPECT_EQ(plane.faces.size(), 72U);
@@ -34,7 +32,7 @@ TEST(Gauges, SphereHasItsRadiusEverywhere) {
   EXPECT_TRUE(topology.closed);
   EXPECT_EQ(topology.euler, 2);
   // Chords of 2 degrees lie inside of the sphere: half of their angle squared is lost, 6e-4.
-  const double exact = 4.0 / 3.0 * kPi * std::pow(0.025, 3);
+  const double exact = 4.0 / 3.0 * M_PI * std::pow(0.025, 3);
   EXPECT_LT(Volume(sphere), exact);
   EXPECT_GT(Volume(sphere), exact * (1.0 - 6.2e-4));
   EXPECT_LT((sphere.normals[7] - (sphere.vertices[7] - center.cast<float>()).normalized()).norm(),
@@ -72,7 +70,7 @@ TEST(Gauges, StepBlockHasItsVolume) {
 TEST(Gauges, PlateLiesBelowZero) {
   const Mesh plate = MakePlate(0.07, 0.005);
   EXPECT_TRUE(Topology(plate).closed);
-  EXPECT_NEAR(Volume(plate), kPi * 0.07 * 0.07 * 0.005, 2e-8);
+  EXPECT_NEAR(Volume(plate), M_PI * 0.07 * 0.07 * 0.005, 2e-8);
   for (const Eigen::Vector3f& vertex : plate.vertices) {
     EXPECT_LE(vertex.z(), 0.0F);
     EXPECT_GE(vertex.z(), -0.0051F);

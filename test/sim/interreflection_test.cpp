@@ -10,8 +10,6 @@
 namespace fringe_fusion::sim {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 // A floor z = 0 and a wall y = 0.03 facing -y, both 0.12 m wide and meeting in a corner.
 Mesh Corner() {
   Mesh mesh;
@@ -41,7 +39,7 @@ double IntegrateWall(const SimConfig& config, const CellCalibration& calibration
       const double radiance = config.albedo * lambert * std::pow(nominal / to_projector.norm(), 2);
       const Eigen::Vector3d apart = patch - point;
       const double r2 = apart.squaredNorm();
-      sum += radiance * apart.z() * apart.y() / (r2 * r2) / kPi * kStep * kStep;
+      sum += radiance * apart.z() * apart.y() / (r2 * r2) / M_PI * kStep * kStep;
     }
   }
   return sum;
@@ -53,7 +51,7 @@ TEST(Interreflection, FloorReceivesTheLightOfTheWall) {
   const Result<RayScene> scene = RayScene::Create(Corner(), Mesh{});
   // From the side of -y, so that both devices see floor and wall.
   Transform T = Transform::Identity();
-  T.linear() = ExpRotation({0.0, 0.0, -0.5 * kPi});
+  T.linear() = ExpRotation({0.0, 0.0, -0.5 * M_PI});
   T = T * TurntablePose(0, 1, 0.5, 40.0, Eigen::Vector3d::Zero());
   const Shader shader(config, calibration, *scene, T);
   const Image<Eigen::Vector2d> rays = PixelRays(calibration.camera);

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kRadius = 0.01;
 
-ImplicitModel Fuse(const std::vector<View>& views, double voxel_m) {
+ImplicitModel FuseOpen(const std::vector<View>& views, double voxel_m) {
   FusionConfig config;
   config.voxel_m = voxel_m;
   config.normal_radius_px = 0;
@@ -26,7 +26,7 @@ ImplicitModel Fuse(const std::vector<View>& views, double voxel_m) {
   return std::move(*model);
 }
 
-ImplicitModel Fuse(const std::vector<View>& views) { return Fuse(views, 0.0005); }
+ImplicitModel FuseOpen(const std::vector<View>& views) { return FuseOpen(views, 0.0005); }
 
 // No camera looks from below.
 std::vector<View> ViewsFromAbove(const testing::Scene& scene = testing::SphereScene(kRadius)) {
@@ -45,7 +45,7 @@ std::size_t CountFilled(const Mesh& mesh) {
 
 TEST(FillHoles, ClosesAndFlagsWhatNobodySaw) {
   const std::vector<View> views = ViewsFromAbove();
-  const ImplicitModel model = Fuse(views);
+  const ImplicitModel model = FuseOpen(views);
   const Result<Mesh> open = ExtractMesh(model, SurfaceConfig{});
   ASSERT_TRUE(open);
   ASSERT_GT(testing::CountEdges(open->faces).num_boundary, 0);
@@ -83,7 +83,7 @@ TEST(FillHoles, ClosesAFlatBottomAtAnyVoxel) {
   FillConfig config;
   config.watertight = true;
   for (const double voxel_m : {0.0005, 0.0006, 0.00073}) {
-    const auto filled = FillHoles(Fuse(views, voxel_m), views, config, SurfaceConfig{});
+    const auto filled = FillHoles(FuseOpen(views, voxel_m), views, config, SurfaceConfig{});
     ASSERT_TRUE(filled) << filled.error().message;
     EXPECT_EQ(filled->figures.num_open_edges, 0U) << voxel_m;
     EXPECT_EQ(testing::CountEdges(filled->mesh.faces).num_boundary, 0) << voxel_m;
@@ -112,7 +112,7 @@ TEST(FillHoles, FillsToTheBottomHoweverTheGridLies) {
     const std::vector<View> views = ViewsFromAbove(scene);
     FillConfig config;
     config.watertight = true;
-    const auto filled = FillHoles(Fuse(views), views, config, SurfaceConfig{});
+    const auto filled = FillHoles(FuseOpen(views), views, config, SurfaceConfig{});
     ASSERT_TRUE(filled) << filled.error().message;
     EXPECT_EQ(filled->figures.num_open_edges, 0U);
     for (std::size_t i = 0; i < filled->mesh.faces.size(); ++i) {
@@ -128,7 +128,7 @@ TEST(FillHoles, FillsToTheBottomHoweverTheGridLies) {
 
 TEST(FillHoles, LeavesLargeHolesOpen) {
   const std::vector<View> views = ViewsFromAbove();
-  const ImplicitModel model = Fuse(views);
+  const ImplicitModel model = FuseOpen(views);
   FillConfig config;
   config.max_hole_m = 0.002;
   const Result<FilledSurface> filled = FillHoles(model, views, config, SurfaceConfig{});
@@ -154,7 +154,7 @@ TEST(FillHoles, KeepsEmptySpaceEmpty) {
     return testing::Hit{table, Eigen::Vector3d::UnitZ()};
   };
   std::vector<View> views{testing::CastView(0, scene, {0.0, 0.001, 0.12}, {})};
-  ImplicitModel model = Fuse(views);
+  ImplicitModel model = FuseOpen(views);
   FillConfig config;
   config.watertight = true;
   const Result<FilledSurface> filled = FillHoles(model, views, config, SurfaceConfig{});
@@ -173,7 +173,7 @@ TEST(FillHoles, KeepsEmptySpaceEmpty) {
 
 TEST(FillHoles, SameBytesOnAnyNumberOfThreads) {
   const std::vector<View> views = ViewsFromAbove();
-  const ImplicitModel model = Fuse(views);
+  const ImplicitModel model = FuseOpen(views);
   FillConfig config;
   config.watertight = true;
   std::vector<Eigen::Vector3f> expected;
@@ -188,7 +188,7 @@ TEST(FillHoles, SameBytesOnAnyNumberOfThreads) {
 
 TEST(FillHoles, SaysWhatIsWrong) {
   const std::vector<View> views = ViewsFromAbove();
-  const ImplicitModel model = Fuse(views);
+  const ImplicitModel model = FuseOpen(views);
   FillConfig config;
   config.max_cells = 2;
   const auto refused = FillHoles(model, views, config, SurfaceConfig{});

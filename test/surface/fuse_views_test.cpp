@@ -8,12 +8,12 @@
 namespace fringe_fusion {
 namespace {
 
-std::vector<View> SphereViews() {
+std::vector<View> WholeSphereViews() {
   return testing::CastAround(testing::SphereScene(0.01), 0.12, testing::ViewSettings{});
 }
 
 TEST(FuseViews, CropsFusesAndCounts) {
-  const std::vector<View> views = SphereViews();
+  const std::vector<View> views = WholeSphereViews();
   int num_points = 0;
   for (const View& view : views) num_points += CountValid(view.range);
   CropConfig crop;
@@ -39,11 +39,11 @@ TEST(FuseViews, SaysWhyThereIsNoSurface) {
   CropConfig crop;
   crop.remove_plane = true;
   crop.plane_offset_m = 1.0;
-  EXPECT_NE(message(SphereViews(), crop).find("remains after cropping"), std::string::npos);
-  std::vector<View> views = SphereViews();
+  EXPECT_NE(message(WholeSphereViews(), crop).find("remains after cropping"), std::string::npos);
+  std::vector<View> views = WholeSphereViews();
   views[3].id = views[2].id;
   EXPECT_NE(message(views, CropConfig{}).find("already"), std::string::npos);
-  views = SphereViews();
+  views = WholeSphereViews();
   views[1].range = MakeRangeImage(30, 30);
   EXPECT_NE(message(views, CropConfig{}).find("no valid point"), std::string::npos);
 }

@@ -51,7 +51,7 @@ View ScanView(const sim::SimConfig& config, const Mesh& object) {
 }
 
 // rms of error / sigma of the range over all points that have a truth.
-double NormalizedRms(const View& view) {
+double PlaneRms(const View& view) {
   double sum = 0.0;
   int count = 0;
   const RangeImage& range = view.result.range;
@@ -125,7 +125,7 @@ TEST(SimulatedScan, PlaneErrorIsTheOnePredicted) {
   EXPECT_GT(CountValid(view.result.range), 5000);
   EXPECT_GT(Completeness(view), 0.98);
   EXPECT_EQ(CountFar(view, 0.0025F), 0);
-  EXPECT_NEAR(NormalizedRms(view), 1.0, 0.1);
+  EXPECT_NEAR(PlaneRms(view), 1.0, 0.1);
 }
 
 TEST(SimulatedScan, TwelveBitPlaneErrorIsTheOnePredicted) {
@@ -136,7 +136,7 @@ TEST(SimulatedScan, TwelveBitPlaneErrorIsTheOnePredicted) {
   const View view = ScanView(config, sim::MakePlane(0.2, 4));
   EXPECT_GT(Completeness(view), 0.98);
   EXPECT_EQ(CountFar(view, 0.0025F), 0);
-  EXPECT_NEAR(NormalizedRms(view), 1.0, 0.1);
+  EXPECT_NEAR(PlaneRms(view), 1.0, 0.1);
 }
 
 // A part with edges, holes and shadows: no point may lie in the air.
