@@ -12,7 +12,8 @@ add_service_files(FILES
   SolveRelativePose.srv SolveViewPose.srv SuggestSettings.srv WriteModel.srv)
 add_action_files(FILES
   MoveToView.action ScanObject.action ScanView.action)
-generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs)
+generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs
+  LANGS gencpp genpy)
 generate_dynamic_reconfigure_options(config/Camera.cfg)
 
 catkin_package(
