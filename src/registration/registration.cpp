@@ -96,16 +96,32 @@ Registration::Registration(const SurfaceSet& set, const RegistrationConfig& conf
       config_(config),
       terms_(std::move(terms)),
       state_(std::move(state)),
-      pairs_(std::move(pairs)),
+      all_pairs_(std::move(pairs)),
+      pairs_(all_pairs_),
       radius_m_(config.max_distance_m) {}
 
 Status Registration::Run(const Progress& progress, int first_level) {
+  settling_ = false;
   for (int level = first_level; level < ViewSurface::kNumLevels; ++level) {
-    const int levels_left = ViewSurface::kNumLevels - level;
+    if (level > 0) RefreshPairs();
+    const int levels_left = ViewSurface::kNumLevels - level + 1;  // one share to settle
     const int budget = (config_.max_iterations - iterations_) / levels_left;
     if (Status status = RunLevel(level, budget, progress); !status) return status;
   }
-  return {};
+  return Settle(progress);
+}
+
+// The search radius and the pairs remember the way to the solution. At last both follow from the
+// poses alone, so that the same views end at the same poses wherever they started.
+Status Registration::Settle(const Progress& progress) {
+  constexpr int kFinest = ViewSurface::kNumLevels - 1;
+  const std::optional<double> radius_m = NeededRadius(kFinest, 0.0);
+  if (!radius_m) return {};
+  radius_m_ = *radius_m;
+  for (PairNumbers& pair : pairs_) pair.counted = false;
+  RefreshPairs();
+  settling_ = true;
+  return RunLevel(kFinest, std::max(1, config_.max_iterations - iterations_), progress);
 }
 
 Status Registration::RunLevel(int level, int max_iterations, const Progress& progress) {
@@ -115,14 +131,14 @@ Status Registration::RunLevel(int level, int max_iterations, const Progress& pro
     if (!progress("register", std::min(done, 0.99))) return Fail("{}", kCancelled);
     if (Status status = Iterate(level); !status) return status;
   }
-  DropEmptyPairs();
   return {};
 }
 
 void Registration::Restart(const std::vector<Transform>& poses, double radius_m) {
   state_.poses = poses;
   if (terms_.chain) StartChain(*terms_.chain, state_);
-  pairs_ = AllPairs(static_cast<int>(poses.size()));
+  all_pairs_ = AllPairs(static_cast<int>(poses.size()));
+  pairs_ = all_pairs_;
   matches_ = {};
   radius_m_ = radius_m;
 }
@@ -174,19 +190,20 @@ Status Registration::Iterate(int level) {
   }
   state_.T_object_base = state_.T_object_base * Exp(shorten * step_.xi_chain[0]);
   state_.T_flange_camera = state_.T_flange_camera * Exp(shorten * step_.xi_chain[1]);
-  ShrinkRadius(level, motion);
+  if (!settling_) radius_m_ = std::min(radius_m_, NeededRadius(level, motion).value_or(radius_m_));
   for (std::size_t i = 0; i < pairs_.size(); ++i) pairs_[i].counted = matches_.pairs[i].counts;
   converged_ = shorten == 1.0 && (step_.size_sigma <= kStopSigma[At(level)] ||
                                   motion <= kStopMotion * set_.max_spacing_m);
   return {};
 }
 
-void Registration::ShrinkRadius(int level, double motion_m) {
+// Nothing where no pair counts.
+std::optional<double> Registration::NeededRadius(int level, double motion_m) const {
   std::vector<double> scales;
   for (const ViewPair& pair : matches_.pairs) {
     if (pair.counts) scales.push_back(pair.scale_m);
   }
-  if (scales.empty()) return;
+  if (scales.empty()) return std::nullopt;
   const auto middle = scales.begin() + static_cast<std::ptrdiff_t>(scales.size() / 2);
   std::nth_element(scales.begin(), middle, scales.end());
   // Nearest points of two grids lie up to about one spacing apart along the surface.
@@ -194,16 +211,23 @@ void Registration::ShrinkRadius(int level, double motion_m) {
   for (const ViewSurface& surface : set_.surfaces) {
     spacing_m = std::max(spacing_m, surface.target_spacing_m(level));
   }
-  const double needed = 2.5 * spacing_m + 4.0 * *middle + 3.0 * motion_m;
-  radius_m_ = std::min(radius_m_, needed);
+  return 2.5 * spacing_m + 4.0 * *middle + 3.0 * motion_m;
 }
 
-void Registration::DropEmptyPairs() {
-  if (matches_.pairs.empty()) return;  // no iteration yet
+// Views that have met on the way, and no others, are searched on the finer levels.
+void Registration::RefreshPairs() {
+  MatchLimits limits = Limits(0);
+  for (const ViewSurface& surface : set_.surfaces) {
+    limits.radius_m = std::max(limits.radius_m, 2.5 * surface.target_spacing_m(0));
+  }
+  const MatchSet coarse = MatchViews(set_, state_.poses, all_pairs_, limits);
   std::vector<PairNumbers> kept;
-  for (const ViewPair& pair : matches_.pairs) {
-    if (!pair.from_first.empty() || !pair.from_second.empty()) {
-      kept.push_back({pair.first, pair.second, pair.counts});
+  for (std::size_t i = 0; i < all_pairs_.size(); ++i) {
+    if (coarse.pairs[i].from_first.empty() && coarse.pairs[i].from_second.empty()) continue;
+    kept.push_back(all_pairs_[i]);
+    for (const PairNumbers& pair : pairs_) {
+      const bool same = pair.first == kept.back().first && pair.second == kept.back().second;
+      if (same) kept.back().counted = pair.counted;
     }
   }
   pairs_ = std::move(kept);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "fringe_fusion/registration/match_views.hpp"
@@ -43,15 +44,18 @@ class Registration {
  private:
   [[nodiscard]] MatchLimits Limits(int level) const;
   [[nodiscard]] Status Iterate(int level);
-  void ShrinkRadius(int level, double motion_m);
-  void DropEmptyPairs();
+  [[nodiscard]] Status Settle(const Progress& progress);
+  [[nodiscard]] std::optional<double> NeededRadius(int level, double motion_m) const;
+  void RefreshPairs();
 
   const SurfaceSet& set_;
   RegistrationConfig config_;
   PoseTerms terms_;
   PoseState state_;
-  std::vector<PairNumbers> pairs_;
+  std::vector<PairNumbers> all_pairs_;  ///< that may be searched
+  std::vector<PairNumbers> pairs_;      ///< that are
   double radius_m_;
+  bool settling_ = false;  ///< the radius stays
   PoseStep step_;
   MatchSet matches_;
   std::vector<PairInformation> information_;

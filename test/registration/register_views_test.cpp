@@ -92,6 +92,33 @@ TEST(RegisterViews, ComesBackFromTwoDegreesAndTwoMillimetresWithoutPriors) {
               truth.graph.views[0].pose.T_object_camera.matrix());
 }
 
+TEST(RegisterViews, EndsAtTheSamePosesWhereverItStarts) {
+  BumpyScene scene;
+  scene.width = 64;
+  scene.height = 48;
+  const auto truth = MakeBumpyGraph(scene);
+  std::vector<std::vector<Transform>> ends;
+  for (const unsigned seed : {5U, 6U}) {
+    ViewGraph graph = truth.graph;
+    std::mt19937 random(seed);
+    for (std::size_t i = 0; i < graph.views.size(); ++i) {
+      Pose& pose = graph.views[i].pose;
+      pose.covariance.setZero();
+      pose.T_object_camera = truth.T_object_camera_true[i];
+      if (i == 0) continue;
+      const Transform about_middle =
+          Exp(testing::RandomTwist(0.8 * testing::kRadPerDeg, 0.7e-3, random));
+      pose.T_object_camera = about_middle * pose.T_object_camera;
+    }
+    const auto result = RegisterViews(graph, testing::SmallConfig());
+    ASSERT_TRUE(result) << result.error().message;
+    ends.push_back(PosesOf(*result));
+  }
+  const auto compared = RigidAlign(truth.graph, ends[0], ends[1]);
+  ASSERT_TRUE(compared);
+  EXPECT_LT(compared->max_rms_m, 2e-7);
+}
+
 TEST(RegisterViews, StatedCovarianceMatchesTheError) {
   // 24 clouds x 5 free views x 6: the mean of the normalised square is 1 +- 0.05, views of one
   // cloud being correlated perhaps 0.1.
