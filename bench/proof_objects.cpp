@@ -246,7 +246,7 @@ bool FacesCamera(const Mesh& truth, const sim::RayHit& hit) {
 }
 
 View RenderView(const sim::RayScene& scene, const ProofScene& proof, const Transform& T, int id,
-                double sigma_m) {
+                double sigma_m, unsigned noise_seed) {
   View view;
   view.id = id;
   view.name = fmt::format("{:03}", id);
@@ -255,15 +255,16 @@ View RenderView(const sim::RayScene& scene, const ProofScene& proof, const Trans
   view.range = MakeRangeImage(proof.image_px, proof.image_px);
   ParallelFor(proof.image_px, 8, [&](int begin, int end) {
     for (int y = begin; y < end; ++y) {
-      std::mt19937_64 random(static_cast<std::uint64_t>(id) * 100003U +
+      std::mt19937_64 random(static_cast<std::uint64_t>(noise_seed) * 100000007U +
+                             static_cast<std::uint64_t>(id) * 100003U +
                              static_cast<std::uint64_t>(y));
-      std::normal_distribution<double> noise(0.0, sigma_m);
+      std::normal_distribution<double> noise;
       for (int x = 0; x < proof.image_px; ++x) {
         const double middle = 0.5 * (proof.image_px - 1);
         const Eigen::Vector3d ray =
             Eigen::Vector3d((x - middle) / proof.focal_px, (y - middle) / proof.focal_px, 1.0)
                 .normalized();
-        const double error_m = noise(random);
+        const double error_m = sigma_m * noise(random);
         const auto hit = scene.Cast(T.translation(), T.linear() * ray);
         if (!hit || !FacesCamera(proof.truth, *hit)) continue;
         const double range_m = (hit->point - T.translation()).norm() + error_m;
@@ -307,8 +308,8 @@ Result<ProofScene> RenderProof(Mesh truth, double sigma_m, const ProofCameras& c
   int id = 0;
   for (const Eigen::Vector3d& direction : CameraDirections(cameras)) {
     const Eigen::Vector3d position = bounds.center + 5.0 * bounds.radius_m * direction;
-    proof.views.push_back(
-        RenderView(*scene, proof, LookAt(position, bounds.center), id++, sigma_m));
+    proof.views.push_back(RenderView(*scene, proof, LookAt(position, bounds.center), id++, sigma_m,
+                                     cameras.noise_seed));
   }
   return proof;
 }

@@ -37,7 +37,8 @@ struct CameraRing {
 };
 struct ProofCameras {
   std::vector<CameraRing> rings{{6, 12.0}, {5, 42.0}, {3, 72.0}};
-  int image_px = 520;  ///< width and height
+  int image_px = 520;       ///< width and height
+  unsigned noise_seed = 0;  ///< other noise on the same rays
 };
 
 /// Renders the views: noise along the ray of `sigma_m`, nothing seen from below, no point where a

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <random>
 
-#include "bench/proof_objects.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
 
@@ -13,7 +12,6 @@ namespace {
 
 constexpr double kRadPerDeg = M_PI / 180.0;
 constexpr double kDiameterM = 0.16;
-constexpr double kSigmaM = 5e-5;
 
 Mesh MakeBumpy() {
   constexpr int kRows = 300;
@@ -54,8 +52,15 @@ Result<Mesh> MakePart(const std::string& name, const std::string& data_folder) {
   return MakeProofObject(name);
 }
 
+void SetReference(RegistrationScene& scene) {
+  for (const View& view : scene.graph.views) {
+    scene.T_object_camera_reference.push_back(view.pose.T_object_camera);
+  }
+}
+
 Result<RegistrationScene> RealScans(const std::string& data_folder) {
   RegistrationScene scene;
+  scene.name = "bunny";
   scene.exact = false;
   const std::string folder = data_folder + "/stanford_bunny/";
   const auto entries = ReadPosesConf(folder + "bun.conf");
@@ -75,6 +80,7 @@ Result<RegistrationScene> RealScans(const std::string& data_folder) {
     view.pose.source = PoseSource::kFile;
     scene.graph.views.push_back(std::move(view));
   }
+  SetReference(scene);
   return scene;
 }
 
@@ -98,28 +104,33 @@ const std::vector<std::string>& RegistrationSceneNames() {
   return names;
 }
 
+ProofCameras RegistrationCameras() {
+  ProofCameras cameras;
+  cameras.rings = {{6, 15.0}, {4, 50.0}};
+  cameras.image_px = 260;
+  return cameras;
+}
+
+Result<RegistrationScene> MakePartScene(const std::string& name, const std::string& data_folder,
+                                        const ProofCameras& cameras, double sigma_m) {
+  const auto mesh = MakePart(name, data_folder);
+  if (!mesh) return Forward(mesh);
+  auto proof = RenderProof(Scaled(*mesh), sigma_m, cameras);
+  if (!proof) return Forward(proof);
+  RegistrationScene scene;
+  scene.name = name;
+  scene.graph.views = std::move(proof->views);
+  scene.truth = std::move(proof->truth);
+  scene.grid.focal_px = proof->focal_px;
+  scene.grid.middle_px.setConstant(0.5 * (proof->image_px - 1));
+  SetReference(scene);
+  return scene;
+}
+
 Result<RegistrationScene> MakeRegistrationScene(const std::string& name,
                                                 const std::string& data_folder) {
-  RegistrationScene scene;
-  if (name == "bunny") {
-    auto real = RealScans(data_folder);
-    if (!real) return Forward(real);
-    scene = std::move(*real);
-  } else {
-    const auto mesh = MakePart(name, data_folder);
-    if (!mesh) return Forward(mesh);
-    ProofCameras cameras;
-    cameras.rings = {{6, 15.0}, {4, 50.0}};
-    cameras.image_px = 260;
-    auto proof = RenderProof(Scaled(*mesh), kSigmaM, cameras);
-    if (!proof) return Forward(proof);
-    scene.graph.views = std::move(proof->views);
-  }
-  scene.name = name;
-  for (const View& view : scene.graph.views) {
-    scene.T_object_camera_reference.push_back(view.pose.T_object_camera);
-  }
-  return scene;
+  if (name == "bunny") return RealScans(data_folder);
+  return MakePartScene(name, data_folder, RegistrationCameras(), kPartSigmaM);
 }
 
 std::vector<Transform> DisturbedPoses(const RegistrationScene& scene,

@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "bench/proof_objects.hpp"
+#include "bench/registration_bound.hpp"
 #include "fringe_fusion/registration/register_views.hpp"
 
 namespace fringe_fusion::bench {
@@ -15,6 +17,8 @@ struct RegistrationScene {
   ViewGraph graph;  ///< at the reference poses
   std::vector<Transform> T_object_camera_reference;
   bool exact = true;  ///< the reference is the truth; false: published poses of real scans
+  Mesh truth;         ///< of a simulated part
+  PinholeGrid grid;   ///< of its views
 };
 
 /// Five simulated parts of 160 mm diameter and the ten range scans of the Stanford bunny:
@@ -31,6 +35,13 @@ struct RegistrationScene {
 /// @param data_folder that holds stanford_bunny/, for `hare` and `bunny`.
 [[nodiscard]] Result<RegistrationScene> MakeRegistrationScene(const std::string& name,
                                                               const std::string& data_folder);
+
+/// One of the parts by other cameras or with other noise; 0: the exact points.
+inline constexpr double kPartSigmaM = 5e-5;
+[[nodiscard]] ProofCameras RegistrationCameras();
+[[nodiscard]] Result<RegistrationScene> MakePartScene(const std::string& name,
+                                                      const std::string& data_folder,
+                                                      const ProofCameras& cameras, double sigma_m);
 
 /// How far every view is moved from its reference: turned about the middle of all points around a
 /// random axis, and shifted in a random direction.

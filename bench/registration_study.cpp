@@ -1,7 +1,10 @@
 // Registration of disturbed views: share of starts that converge, error and time.
 //   registration_study run DATA [SCENES [DISTURBANCES [SEEDS]]]   e.g. knot,bunny 0,2 20
 //   registration_study export DATA FOLDER [SCENES]                range images, poses and starts
-//   registration_study judge DATA SCENE REFERENCE.conf POSES.conf error of other systems' poses
+//   registration_study judge DATA SCENE REFERENCE.conf POSES.conf...  of other systems' poses:
+//   error
+//                                                 and residual of the overlaps on half of the
+//                                                 pixels
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -133,7 +136,10 @@ Status Export(const std::string& data, const fs::path& folder,
     fs::create_directories(out);
     for (const View& view : scene->graph.views) {
       const fs::path file = out / fmt::format("view_{:02}.ply", view.id);
-      if (Status status = WriteRangeImage(view.range, file.string()); !status) return status;
+      RangeImage range = view.range;
+      // A file that names no device is taken for a parallel projection.
+      if (scene->exact) range.line_of_sight.projector = range.line_of_sight.camera;
+      if (Status status = WriteRangeImage(range, file.string()); !status) return status;
     }
     Status status = WriteConf(*scene, scene->T_object_camera_reference, out / "reference.conf");
     if (!status) return status;
@@ -167,7 +173,9 @@ Status Judge(const std::string& data, const std::string& name, const std::string
     if (!poses) return Forward(poses);
     const auto compared = RigidAlign(scene->graph, *poses, *reference);
     if (!compared) return Forward(compared);
-    std::printf("%s %.6f\n", file.c_str(), 1e3 * compared->max_rms_m);
+    const auto residual_m = HeldOutOverlapResidual(scene->graph, *poses, {});
+    std::printf("%s %.6f %.6f\n", file.c_str(), 1e3 * compared->max_rms_m,
+                residual_m ? 1e3 * *residual_m : std::nan(""));
   }
   return {};
 }
