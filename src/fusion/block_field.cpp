@@ -153,7 +153,7 @@ std::array<Channel, 3> FindSheets(const std::vector<PlacedView>& views) {
   const auto sheets = std::make_unique<SheetNormals>();
   for (const PlacedView& view : views) {
     const auto radius = static_cast<float>(view.view->radius_voxels);
-    for (const Sample& sample : view.samples) AddToSheets(SampleKernel(sample, radius), *sheets);
+    for (const Sample& sample : view.samples) AddToSheets(sample, radius, *sheets);
   }
   return sheets->Consensus();
 }
@@ -265,7 +265,7 @@ void AddLevel(const std::array<int, 3>& block, const std::vector<const ViewSampl
   const auto sums = std::make_unique<KernelSums>();
   for (const auto& [radius, placed] : by_radius) {
     for (const Sample& sample : MergeViews(placed, radius, level)) {
-      AddToSums(SampleKernel(sample, static_cast<float>(radius)), normals.get(), lines, *sums);
+      AddToSums(sample, static_cast<float>(radius), normals.get(), lines, *sums);
     }
   }
   SetLevel(*sums, settings, level, field);
@@ -282,7 +282,7 @@ std::unique_ptr<BlockField> MakeFirstLevel(const std::array<int, 3>& block,
   for (const PlacedView& view : placed) {
     const auto radius = static_cast<float>(view.view->radius_voxels);
     for (const Sample& sample : view.samples) {
-      AddToSums(SampleKernel(sample, radius), sheets.get(), kAllLines, *sums);
+      AddToSums(sample, radius, sheets.get(), kAllLines, *sums);
     }
     CloseView(*view.view, block, settings, *sums, *shares);
   }
