@@ -66,6 +66,32 @@ TEST(ImplicitModel, PlaneLiesAtTheTruthWithoutNoise) {
   }
 }
 
+// A view that is off by its sigma and ends half way: the surface must not step where it ends.
+TEST(ImplicitModel, NoStepWhereAViewEnds) {
+  const ViewSettings settings;
+  std::vector<View> views{CastView(0, FlatScene(), {0.0, 0.0, 0.16}, settings),
+                          CastView(1, FlatScene(), {0.0, 0.0, 0.16}, settings)};
+  const double sigma = settings.stated_sigma_m;
+  for (Eigen::Vector3f& point : views[1].range.points) {
+    if ((views[1].pose.T_object_camera * point.cast<double>()).x() > 0.0) {
+      point.setConstant(std::nanf(""));
+    }
+  }
+  views[1].pose.T_object_camera.translation().z() += sigma;
+  const ImplicitModel model = Fuse(views, Config(5e-4));
+  double step = 0.0;
+  for (int x = -18; x < 18; ++x) {
+    const FieldSample a = model.AtVoxel({x, 0, 20});
+    const FieldSample b = model.AtVoxel({x + 1, 0, 20});
+    ASSERT_TRUE(a.supported && b.supported) << x;
+    step = std::max(step, std::abs(static_cast<double>(b.distance - a.distance)));
+  }
+  EXPECT_NEAR(model.AtVoxel({-18, 0, 20}).distance, -0.5 * sigma, 0.05 * sigma);
+  EXPECT_NEAR(model.AtVoxel({18, 0, 20}).distance, 0.0, 0.05 * sigma);
+  EXPECT_LT(step, 0.2 * sigma);
+  RecordProperty("seam_step_over_sigma", std::to_string(step / sigma));
+}
+
 // Root mean square of error over stated sigma on the flat top of the box.
 double ErrorOverSigma(const FusionConfig& config) {
   ViewSettings settings;

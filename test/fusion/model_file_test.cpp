@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <fstream>
 
 #include "fringe_fusion/io/file.hpp"
@@ -94,6 +95,11 @@ TEST(ModelFile, SaysWhereItCannotWrite) {
   const Status status = SaveModel(FuseByDefault({Views()[0]}), "/nowhere/at/all/model.vdb");
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("/nowhere/at/all"), std::string::npos);
+  const test_support::TempFolder folder;
+  std::filesystem::create_symlink("/dev/full", folder / "full.vdb");
+  const Status full = SaveModel(FuseByDefault({Views()[0]}), folder / "full.vdb");
+  ASSERT_FALSE(full);
+  EXPECT_NE(full.error().message.find("No space left"), std::string::npos) << full.error().message;
 }
 
 }  // namespace
