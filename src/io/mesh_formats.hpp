@@ -13,6 +13,20 @@ namespace fringe_fusion::internal {
 [[nodiscard]] Result<Mesh> ReadMeshPly(const std::string& path);
 [[nodiscard]] Status WriteMeshPly(const Mesh& mesh, const std::string& path);
 
+/// What a PLY mesh holds beside positions and corners.
+struct PlyColumns {
+  bool normals = false;
+  bool colors = false;
+  bool sigma = false;
+  bool num_views = false;
+  bool filled = false;
+};
+[[nodiscard]] PlyColumns ColumnsOf(const Mesh& mesh);
+[[nodiscard]] std::string MeshPlyHeader(std::size_t num_vertices, std::size_t num_faces,
+                                        const PlyColumns& columns);
+/// Appends a vertex with its columns.
+void PutPlyVertex(const Mesh& mesh, std::size_t i, std::string& bytes);
+
 /// Corners of equal coordinates become one vertex; triangles that collapse by that are left out.
 [[nodiscard]] Result<Mesh> ReadMeshStl(const std::string& path);
 [[nodiscard]] Status WriteMeshStl(const Mesh& mesh, const std::string& path);
@@ -20,6 +34,10 @@ namespace fringe_fusion::internal {
 /// Positions, colours behind positions (`v x y z r g b`), normals and faces; the rest is ignored.
 [[nodiscard]] Result<Mesh> ReadMeshObj(const std::string& path);
 [[nodiscard]] Status WriteMeshObj(const Mesh& mesh, const std::string& path);
+
+/// Binary glTF with normals, colours and `_SIGMA`; filled faces are a primitive of their own, with
+/// extras.filled. Written only.
+[[nodiscard]] Status WriteMeshGltf(const Mesh& mesh, const std::string& path);
 
 /// Points that are not finite are left out, as organised clouds have them.
 [[nodiscard]] Result<Mesh> ReadMeshPcd(const std::string& path);

@@ -89,8 +89,10 @@ Status WriteMesh(const Mesh& mesh, const std::string& path) {
   if (extension == ".ply") return internal::WriteMeshPly(mesh, path);
   if (extension == ".stl") return internal::WriteMeshStl(mesh, path);
   if (extension == ".obj") return internal::WriteMeshObj(mesh, path);
+  if (extension == ".glb") return internal::WriteMeshGltf(mesh, path);
   if (extension == ".pcd") return internal::WriteMeshPcd(mesh, path);
-  return Fail("{}: unknown mesh format '{}', must be .ply, .stl, .obj or .pcd", path, extension);
+  return Fail("{}: unknown mesh format '{}', must be .ply, .stl, .obj, .glb or .pcd", path,
+              extension);
 }
 
 Result<RangeImage> ReadRangeImage(const std::string& path) {

@@ -118,27 +118,42 @@ Result<Mesh> ReadMeshElements(const PlyReader& reader, const std::string& path) 
   return mesh;
 }
 
-std::string Header(const Mesh& mesh) {
-  std::string text = "ply\nformat binary_little_endian 1.0\ncomment fringe_fusion, metres\n";
-  text += fmt::format("element vertex {}\n", mesh.vertices.size());
-  text += "property float x\nproperty float y\nproperty float z\n";
-  if (!mesh.normals.empty()) text += "property float nx\nproperty float ny\nproperty float nz\n";
-  if (!mesh.colors.empty()) {
-    text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
-  }
-  if (!mesh.sigma.empty()) text += "property float sigma\n";
-  if (!mesh.num_views.empty()) text += "property uchar num_views\n";
-  text +=
-      fmt::format("element face {}\nproperty list uchar int vertex_indices\n", mesh.faces.size());
-  if (!mesh.filled_faces.empty()) text += "property uchar filled\n";
-  return text + "end_header\n";
-}
-
 void PutVector(std::string& bytes, const Eigen::Vector3f& vector) {
   for (int k = 0; k < 3; ++k) PutFloat(bytes, vector[k]);
 }
 
 }  // namespace
+
+PlyColumns ColumnsOf(const Mesh& mesh) {
+  return {!mesh.normals.empty(), !mesh.colors.empty(), !mesh.sigma.empty(), !mesh.num_views.empty(),
+          !mesh.filled_faces.empty()};
+}
+
+std::string MeshPlyHeader(std::size_t num_vertices, std::size_t num_faces,
+                          const PlyColumns& columns) {
+  std::string text = "ply\nformat binary_little_endian 1.0\ncomment fringe_fusion, metres\n";
+  text += fmt::format("element vertex {}\n", num_vertices);
+  text += "property float x\nproperty float y\nproperty float z\n";
+  if (columns.normals) text += "property float nx\nproperty float ny\nproperty float nz\n";
+  if (columns.colors) text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+  if (columns.sigma) text += "property float sigma\n";
+  if (columns.num_views) text += "property uchar num_views\n";
+  text += fmt::format("element face {}\nproperty list uchar int vertex_indices\n", num_faces);
+  if (columns.filled) text += "property uchar filled\n";
+  return text + "end_header\n";
+}
+
+void PutPlyVertex(const Mesh& mesh, std::size_t i, std::string& bytes) {
+  PutVector(bytes, mesh.vertices[i]);
+  if (!mesh.normals.empty()) PutVector(bytes, mesh.normals[i]);
+  if (!mesh.colors.empty()) {
+    PutByte(bytes, mesh.colors[i].r);
+    PutByte(bytes, mesh.colors[i].g);
+    PutByte(bytes, mesh.colors[i].b);
+  }
+  if (!mesh.sigma.empty()) PutFloat(bytes, mesh.sigma[i]);
+  if (!mesh.num_views.empty()) PutByte(bytes, mesh.num_views[i]);
+}
 
 Result<Mesh> ReadMeshPly(const std::string& path) {
   const Result<PlyReader> reader = PlyReader::Open(path);
@@ -147,19 +162,9 @@ Result<Mesh> ReadMeshPly(const std::string& path) {
 }
 
 Status WriteMeshPly(const Mesh& mesh, const std::string& path) {
-  std::string bytes = Header(mesh);
+  std::string bytes = MeshPlyHeader(mesh.vertices.size(), mesh.faces.size(), ColumnsOf(mesh));
   bytes.reserve(bytes.size() + mesh.vertices.size() * 32 + mesh.faces.size() * 14);
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    PutVector(bytes, mesh.vertices[i]);
-    if (!mesh.normals.empty()) PutVector(bytes, mesh.normals[i]);
-    if (!mesh.colors.empty()) {
-      PutByte(bytes, mesh.colors[i].r);
-      PutByte(bytes, mesh.colors[i].g);
-      PutByte(bytes, mesh.colors[i].b);
-    }
-    if (!mesh.sigma.empty()) PutFloat(bytes, mesh.sigma[i]);
-    if (!mesh.num_views.empty()) PutByte(bytes, mesh.num_views[i]);
-  }
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) PutPlyVertex(mesh, i, bytes);
   for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
     PutByte(bytes, 3);
     for (int k = 0; k < 3; ++k) PutInt32(bytes, mesh.faces[i][k]);
