@@ -93,8 +93,8 @@ std::vector<std::uint64_t> NearestVoxels(const VoxelField& field, const SpaceGri
   return nearest;
 }
 
-SpaceValues Classify(const VoxelField& field, const SpaceGrid& grid, const std::vector<View>& views,
-                     const FillConfig& config) {
+SpaceValues Classify(const VoxelField& field, const SpaceGrid& grid,
+                     const std::vector<const View*>& views, const FillConfig& config) {
   SpaceValues space;
   space.states.assign(grid.count(), Space::kUnknown);
   space.values.assign(grid.count(), 0.0F);
@@ -256,9 +256,17 @@ std::size_t CountOpenEdges(const Mesh& mesh) {
 Result<FilledSurface> FillHoles(const VoxelField& field, const std::vector<View>& views,
                                 const FillConfig& config, const SurfaceConfig& surface,
                                 const Progress& progress) {
+  std::vector<const View*> pointers;
+  for (const View& view : views) pointers.push_back(&view);
+  return FillHoles(field, pointers, config, surface, progress);
+}
+
+Result<FilledSurface> FillHoles(const VoxelField& field, const std::vector<const View*>& views,
+                                const FillConfig& config, const SurfaceConfig& surface,
+                                const Progress& progress) {
   if (Status status = CheckBounds(config, "fill"); !status) return Forward(status);
-  for (const View& view : views) {
-    if (Status status = Validate(view); !status) return Forward(status);
+  for (const View* view : views) {
+    if (Status status = Validate(*view); !status) return Forward(status);
   }
   const Result<Mesh> open = ExtractMesh(field, surface, progress);
   if (!open) return Forward(open);

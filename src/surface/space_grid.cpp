@@ -107,11 +107,11 @@ void CarveView(const Carver& carver, const View& view, double clearance_m) {
 
 }  // namespace
 
-void CarveEmpty(const SpaceGrid& grid, const std::vector<View>& views, double clearance_m,
+void CarveEmpty(const SpaceGrid& grid, const std::vector<const View*>& views, double clearance_m,
                 std::vector<Space>& states) {
   Flags flags(grid.count());
   const Carver carver(grid, flags);
-  for (const View& view : views) CarveView(carver, view, clearance_m);
+  for (const View* view : views) CarveView(carver, *view, clearance_m);
   for (std::size_t i = 0; i < states.size(); ++i) {
     if (flags[i].load(std::memory_order_relaxed) != 0 && states[i] == Space::kUnknown) {
       states[i] = Space::kEmpty;

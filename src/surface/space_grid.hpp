@@ -37,7 +37,7 @@ enum class Space : std::uint8_t { kUnknown, kEmpty, kSeen };
 /// Marks the nodes whose cell a line of sight of a camera or projector passed, up to a clearance
 /// before the measured point.
 /// @param states one per node; nodes that are kUnknown become kEmpty.
-void CarveEmpty(const SpaceGrid& grid, const std::vector<View>& views, double clearance_m,
+void CarveEmpty(const SpaceGrid& grid, const std::vector<const View*>& views, double clearance_m,
                 std::vector<Space>& states);
 
 /// Distance of each empty node from the nearest node that is not empty, in steps, at most `limit`;

@@ -209,7 +209,7 @@ TEST(CarveEmpty, MarksWhatTheRayPassed) {
   view.pose.T_object_camera.translation() = Eigen::Vector3d(0.0, 0.0, -2.0);
   std::vector<internal::Space> states(grid.count(), internal::Space::kUnknown);
   states[grid.Index(2, 2, 0)] = internal::Space::kSeen;
-  internal::CarveEmpty(grid, {view}, 0.6, states);
+  internal::CarveEmpty(grid, {&view}, 0.6, states);
   // The point is the origin; 0.6 before it the carving ends, in the cell about z = -0.5.
   EXPECT_EQ(states[grid.Index(2, 2, 0)], internal::Space::kSeen);
   EXPECT_EQ(states[grid.Index(2, 2, 1)], internal::Space::kEmpty);

@@ -60,6 +60,11 @@ struct FilledSurface {
 /// Ref: Curless and Levoy 1996 (empty, unseen, near the surface); Davis, Marschner, Garr and
 /// Levoy, Filling holes in complex surfaces using volumetric diffusion, 2002.
 [[nodiscard]] Result<FilledSurface> FillHoles(const VoxelField& field,
+                                              const std::vector<const View*>& views,
+                                              const FillConfig& config,
+                                              const SurfaceConfig& surface,
+                                              const Progress& progress = NoProgress);
+[[nodiscard]] Result<FilledSurface> FillHoles(const VoxelField& field,
                                               const std::vector<View>& views,
                                               const FillConfig& config,
                                               const SurfaceConfig& surface,
