@@ -19,8 +19,6 @@ using internal::BlockKey;
 using internal::ViewSamples;
 using internal::Voxel;
 
-namespace {}  // namespace
-
 // Old and new fields of the touched blocks exist side by side until the new ones are complete.
 Status ImplicitModel::Impl::CheckMemory(std::size_t num_touched,
                                         std::size_t new_sample_bytes) const {
@@ -136,17 +134,62 @@ void ImplicitModel::Impl::Commit(std::vector<internal::RebuiltBlock> rebuilt) {
 
 void ImplicitModel::Impl::UpdateMinWeight() {
   std::vector<float> weights;
-  for (const BlockKey key : keys) {
-    for (const Voxel& voxel : Find(key)->voxels) {
-      const bool near_surface = std::abs(voxel.distance) < 1.0F;
-      if (voxel.weight > 0.0F && near_surface) weights.push_back(voxel.weight);
-    }
-  }
+  for (const BlockKey key : keys) internal::AppendNearWeights(*Find(key), weights);
   min_weight = 0.0F;
   if (weights.empty()) return;
   const auto middle = weights.begin() + static_cast<std::ptrdiff_t>(weights.size() / 2);
   std::nth_element(weights.begin(), middle, weights.end());
   min_weight = static_cast<float>(config.min_weight_ratio) * *middle;
+}
+
+FieldSample ImplicitModel::Impl::AtVoxel(const std::array<int, 3>& voxel) const {
+  const bool in_range = std::all_of(voxel.begin(), voxel.end(), [](int value) {
+    return std::abs(static_cast<long>(value)) < internal::kMaxVoxelCoordinate;
+  });
+  const BlockField* field = in_range ? Find(internal::BlockOfVoxel(voxel)) : nullptr;
+  if (field == nullptr) return internal::Unsupported();
+  const auto index = static_cast<std::size_t>(internal::IndexInBlock(voxel));
+  const Voxel& found = field->voxels[index];
+  if (!Supported(found)) return internal::Unsupported();
+  FieldSample sample;
+  sample.supported = true;
+  sample.distance = field->distance[index] * static_cast<float>(config.voxel_m);
+  for (int axis = 0; axis < 3; ++axis) {
+    sample.gradient[axis] = static_cast<float>(found.gradient[static_cast<std::size_t>(axis)]) /
+                            internal::kGradientScale;
+  }
+  sample.sigma = field->sigma[index];
+  sample.weight = found.weight;
+  sample.num_views = found.num_views;
+  sample.color = found.color;
+  return sample;
+}
+
+VoxelField::PaddedDistances ImplicitModel::Impl::DistancesOf(
+    const VoxelField::BlockIndex& block) const {
+  PaddedDistances distances;
+  distances.fill(kNan);
+  const auto voxel_m = static_cast<float>(config.voxel_m);
+  for (int neighbor = 0; neighbor < 8; ++neighbor) {
+    const std::array<int, 3> step{neighbor & 1, (neighbor >> 1) & 1, neighbor >> 2};
+    const BlockField* field =
+        Find(internal::PackBlock(block[0] + step[0], block[1] + step[1], block[2] + step[2]));
+    if (field == nullptr) continue;
+    const auto end = [&](std::size_t axis) { return step[axis] == 1 ? 1 : kBlockSize; };
+    for (int z = 0; z < end(2); ++z) {
+      for (int y = 0; y < end(1); ++y) {
+        for (int x = 0; x < end(0); ++x) {
+          const auto from = static_cast<std::size_t>((z * kBlockSize + y) * kBlockSize + x);
+          if (!Supported(field->voxels[from])) continue;
+          const int to =
+              ((z + step[2] * kBlockSize) * kPaddedSize + y + step[1] * kBlockSize) * kPaddedSize +
+              x + step[0] * kBlockSize;
+          distances[static_cast<std::size_t>(to)] = field->distance[from] * voxel_m;
+        }
+      }
+    }
+  }
+  return distances;
 }
 
 ImplicitModel::ImplicitModel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -265,26 +308,7 @@ std::vector<ImplicitModel::BlockIndex> ImplicitModel::Blocks() const {
 }
 
 FieldSample ImplicitModel::AtVoxel(const std::array<int, 3>& voxel) const {
-  const bool in_range = std::all_of(voxel.begin(), voxel.end(), [](int value) {
-    return std::abs(static_cast<long>(value)) < internal::kMaxVoxelCoordinate;
-  });
-  const BlockField* field = in_range ? impl_->Find(internal::BlockOfVoxel(voxel)) : nullptr;
-  if (field == nullptr) return internal::Unsupported();
-  const auto index = static_cast<std::size_t>(internal::IndexInBlock(voxel));
-  const Voxel& found = field->voxels[index];
-  if (!impl_->Supported(found)) return internal::Unsupported();
-  FieldSample sample;
-  sample.supported = true;
-  sample.distance = field->distance[index] * static_cast<float>(impl_->config.voxel_m);
-  for (int axis = 0; axis < 3; ++axis) {
-    sample.gradient[axis] = static_cast<float>(found.gradient[static_cast<std::size_t>(axis)]) /
-                            internal::kGradientScale;
-  }
-  sample.sigma = field->sigma[index];
-  sample.weight = found.weight;
-  sample.num_views = found.num_views;
-  sample.color = found.color;
-  return sample;
+  return impl_->AtVoxel(voxel);
 }
 
 FieldSample ImplicitModel::Query(const Eigen::Vector3d& point_object) const {
@@ -322,29 +346,7 @@ FieldSample ImplicitModel::Query(const Eigen::Vector3d& point_object) const {
 }
 
 ImplicitModel::PaddedDistances ImplicitModel::DistancesOf(const BlockIndex& block) const {
-  PaddedDistances distances;
-  distances.fill(kNan);
-  const auto voxel_m = static_cast<float>(impl_->config.voxel_m);
-  for (int neighbor = 0; neighbor < 8; ++neighbor) {
-    const std::array<int, 3> step{neighbor & 1, (neighbor >> 1) & 1, neighbor >> 2};
-    const BlockField* field = impl_->Find(
-        internal::PackBlock(block[0] + step[0], block[1] + step[1], block[2] + step[2]));
-    if (field == nullptr) continue;
-    const auto end = [&](std::size_t axis) { return step[axis] == 1 ? 1 : kBlockSize; };
-    for (int z = 0; z < end(2); ++z) {
-      for (int y = 0; y < end(1); ++y) {
-        for (int x = 0; x < end(0); ++x) {
-          const auto from = static_cast<std::size_t>((z * kBlockSize + y) * kBlockSize + x);
-          if (!impl_->Supported(field->voxels[from])) continue;
-          const int to =
-              ((z + step[2] * kBlockSize) * kPaddedSize + y + step[1] * kBlockSize) * kPaddedSize +
-              x + step[0] * kBlockSize;
-          distances[static_cast<std::size_t>(to)] = field->distance[from] * voxel_m;
-        }
-      }
-    }
-  }
-  return distances;
+  return impl_->DistancesOf(block);
 }
 
 }  // namespace fringe_fusion

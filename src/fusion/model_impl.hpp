@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <memory>
 #include <unordered_map>
@@ -18,6 +19,14 @@ struct RebuiltBlock {
   BlockKey key = 0;
   std::unique_ptr<BlockField> field;  // nullptr: no sample reaches the block any more
 };
+
+/// Weights of the voxels of a block near the surface.
+inline void AppendNearWeights(const BlockField& field, std::vector<float>& weights) {
+  for (const Voxel& voxel : field.voxels) {
+    const bool near_surface = std::abs(voxel.distance) < 1.0F;
+    if (voxel.weight > 0.0F && near_surface) weights.push_back(voxel.weight);
+  }
+}
 
 }  // namespace internal
 
@@ -58,6 +67,8 @@ struct ImplicitModel::Impl {
   void Commit(std::vector<internal::RebuiltBlock> rebuilt);
   void Blend(const std::vector<internal::BlockKey>& changed);
   void UpdateMinWeight();
+  [[nodiscard]] FieldSample AtVoxel(const std::array<int, 3>& voxel) const;
+  [[nodiscard]] VoxelField::PaddedDistances DistancesOf(const VoxelField::BlockIndex& block) const;
 };
 
 }  // namespace fringe_fusion

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "cube_table.hpp"
+#include "edge_mesh.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "mesh_components.hpp"
 
@@ -15,9 +16,9 @@ namespace fringe_fusion {
 namespace {
 
 using internal::CubeTable;
+using internal::EdgeKey;
+using internal::EdgeMesh;
 
-// A grid edge: its lower voxel and its axis. 20 bits for a coordinate, 2 for the axis.
-using EdgeKey = std::uint64_t;
 using EdgeTriangle = std::array<EdgeKey, 3>;
 constexpr int kCoordinateBits = 20;
 constexpr int kCoordinateBias = 1 << (kCoordinateBits - 1);
@@ -204,9 +205,11 @@ void SetVertex(const VoxelField& model, const GridEdge& edge, std::size_t index,
   mesh.num_views[index] = static_cast<std::uint8_t>(t < 0.5F ? a.num_views : b.num_views);
 }
 
-Mesh MakeMesh(const VoxelField& model, const std::vector<EdgeTriangle>& triangles) {
-  const std::vector<EdgeKey> edges = DistinctEdges(triangles);
-  Mesh mesh;
+EdgeMesh MakeMesh(const VoxelField& model, const std::vector<EdgeTriangle>& triangles) {
+  EdgeMesh made;
+  made.edges = DistinctEdges(triangles);
+  const std::vector<EdgeKey>& edges = made.edges;
+  Mesh& mesh = made.mesh;
   mesh.vertices.resize(edges.size());
   mesh.normals.resize(edges.size());
   mesh.colors.resize(edges.size());
@@ -228,24 +231,31 @@ Mesh MakeMesh(const VoxelField& model, const std::vector<EdgeTriangle>& triangle
       }
     }
   });
-  return mesh;
+  return made;
 }
 
 }  // namespace
+
+int internal::VoxelColumn(EdgeKey edge) { return Unpack(edge).voxel[0]; }
+
+Result<EdgeMesh> internal::ExtractEdgeMesh(const VoxelField& field, const Progress& progress) {
+  const Result<std::vector<EdgeTriangle>> triangles = FindTriangles(field, progress);
+  if (!triangles) return Forward(triangles);
+  return MakeMesh(field, *triangles);
+}
 
 Result<Mesh> ExtractMesh(const VoxelField& model, const SurfaceConfig& config,
                          const Progress& progress) {
   if (Status status = CheckBounds(config, "surface"); !status) return Forward(status);
   if (model.NumBlocks() == 0) return Fail("surface: the model is empty, add a view first");
-  const Result<std::vector<EdgeTriangle>> triangles = FindTriangles(model, progress);
-  if (!triangles) return Forward(triangles);
-  if (triangles->empty()) {
+  const Result<EdgeMesh> all = internal::ExtractEdgeMesh(model, progress);
+  if (!all) return Forward(all);
+  if (all->mesh.faces.empty()) {
     return Fail("surface: no cell of the {} blocks is crossed by the surface", model.NumBlocks());
   }
-  const Mesh all = MakeMesh(model, *triangles);
   if (!progress("extract", 1.0)) return Fail("{}", kCancelled);
   internal::ComponentResult components =
-      internal::RemoveSmallComponents(all, config.min_component_faces);
+      internal::RemoveSmallComponents(all->mesh, config.min_component_faces);
   if (components.mesh.faces.empty()) {
     return Fail("surface: the largest of {} pieces has {} faces, limit min_component_faces = {}",
                 components.num_components, components.largest_faces, config.min_component_faces);
