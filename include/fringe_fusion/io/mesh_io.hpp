@@ -14,8 +14,8 @@ namespace fringe_fusion {
 /// NaN).
 [[nodiscard]] Result<Mesh> ReadMesh(const std::string& path, double unit_m = 1.0);
 
-/// Writes by extension: .ply (binary with every attribute), .stl (binary), .obj, .glb (binary glTF),
-/// .pcd. Atomic.
+/// Writes by extension: .ply (binary with every attribute), .stl (binary), .obj, .glb (binary
+/// glTF), .pcd. Atomic.
 [[nodiscard]] Status WriteMesh(const Mesh& mesh, const std::string& path);
 
 /// Reads an organised cloud: PLY with `obj_info num_cols/num_rows` and `range_grid` (ours, and the
