@@ -32,18 +32,48 @@ CenterRuns SortCenters(const std::vector<Center>& centers, const BandSettings& s
   return runs;
 }
 
+// A voxel as seen from a centre: how far away, and where over the tangent plane.
+struct VoxelPlace {
+  VoxelPlace(const Eigen::Vector3f& from, const Eigen::Vector3f& normal)
+      : distance2(from.squaredNorm()),
+        height(std::abs(from.dot(normal))),
+        along(from - from.dot(normal) * normal) {}
+  float distance2;
+  float height;
+  Eigen::Vector3f along;
+};
+
 // Distance of a voxel from the tangent plane up to which it serves the extraction: the corners of a
 // crossed cell and one voxel more, and what the surface may bend away within the reach.
-bool IsInBand(const Eigen::Vector3f& from, const Eigen::Vector3f& normal, float reach,
-              float& distance2) {
+bool IsInBand(const VoxelPlace& place, float reach) {
   constexpr float kHalfBand = 1.9F;
   constexpr float kBend = 0.4F;
-  distance2 = from.squaredNorm();
-  if (distance2 > reach * reach) return false;
-  const float height = std::abs(from.dot(normal));
-  const float along = std::sqrt(std::max(0.0F, distance2 - height * height));
-  return height <= kHalfBand + kBend * along;
+  if (place.distance2 > reach * reach) return false;
+  return place.height <= kHalfBand + kBend * place.along.norm();
 }
+
+// The nearest centre of every voxel of a block, and where its centres lie on the average.
+struct BandMarks {
+  std::array<float, kVoxelsPerBlock> nearest{};
+  std::array<float, kVoxelsPerBlock> weight{};
+  std::array<Eigen::Vector3f, kVoxelsPerBlock> along{};  // weighted sum, voxels from centres
+
+  BandMarks() {
+    nearest.fill(std::numeric_limits<float>::infinity());
+    along.fill(Eigen::Vector3f::Zero());
+  }
+  void Add(std::size_t i, const VoxelPlace& place, float reach) {
+    const float rest = std::max(0.0F, 1.0F - place.along.squaredNorm() / (reach * reach));
+    weight[i] += rest * rest;
+    along[i] += rest * rest * place.along;
+  }
+  // At the straight rim of an even sheet the mean lies 0.29 reaches inside; where it lies farther
+  // away, the centres are all on one side and the function is a guess.
+  [[nodiscard]] bool IsBeyondRim(std::size_t i, float reach) const {
+    constexpr float kMaxOffset = 0.45F;
+    return !(along[i].norm() <= kMaxOffset * reach * weight[i]);
+  }
+};
 
 class BlockMaker {
  public:
@@ -69,9 +99,7 @@ class BlockMaker {
     const std::array<int, 3> index = UnpackBlock(block.key);
     const auto reach = static_cast<float>(ReachVoxels(settings_));
     const int blocks_around = static_cast<int>(std::ceil(reach / kBlockSize));
-    std::array<float, kVoxelsPerBlock> nearest{};
-    nearest.fill(std::numeric_limits<float>::infinity());
-    bool any = false;
+    BandMarks marks;
     for (int x = index[0] - blocks_around; x <= index[0] + blocks_around; ++x) {
       for (int y = index[1] - blocks_around; y <= index[1] + blocks_around; ++y) {
         const BlockKey last = PackBlock(x, y, index[2] + blocks_around);
@@ -79,15 +107,24 @@ class BlockMaker {
             runs_.begin(), runs_.end(),
             std::pair(PackBlock(x, y, index[2] - blocks_around), std::int32_t{-1}));
         for (; run != runs_.end() && run->first <= last; ++run) {
-          any = MarkAround(run->second, index, nearest, block) || any;
+          MarkAround(run->second, index, marks, block);
         }
+      }
+    }
+    bool any = false;
+    for (std::size_t i = 0; i < kVoxelsPerBlock; ++i) {
+      if (block.voxels[i].center < 0) continue;
+      if (marks.IsBeyondRim(i, reach)) {
+        block.voxels[i].center = -1;
+      } else {
+        any = true;
       }
     }
     return any;
   }
 
-  bool MarkAround(std::int32_t center, const std::array<int, 3>& index,
-                  std::array<float, kVoxelsPerBlock>& nearest, BandBlock& block) const {
+  void MarkAround(std::int32_t center, const std::array<int, 3>& index, BandMarks& marks,
+                  BandBlock& block) const {
     const Center& at = centers_[static_cast<std::size_t>(center)];
     const Eigen::Vector3d first = Eigen::Vector3d(index[0], index[1], index[2]) * kBlockSize;
     const Eigen::Vector3f local =
@@ -100,22 +137,19 @@ class BlockMaker {
       low[a] = std::max(0, static_cast<int>(std::ceil(p - reach)));
       high[a] = std::min(kBlockSize - 1, static_cast<int>(std::floor(p + reach)));
     }
-    bool any = false;
     for (int z = low[2]; z <= high[2]; ++z) {
       for (int y = low[1]; y <= high[1]; ++y) {
         for (int x = low[0]; x <= high[0]; ++x) {
-          const Eigen::Vector3f from = Eigen::Vector3i(x, y, z).cast<float>() - local;
-          float distance2 = 0.0F;
-          if (!IsInBand(from, at.normal, reach, distance2)) continue;
+          const VoxelPlace place(Eigen::Vector3i(x, y, z).cast<float>() - local, at.normal);
+          if (!IsInBand(place, reach)) continue;
           const auto i = static_cast<std::size_t>((z * kBlockSize + y) * kBlockSize + x);
-          any = true;
-          if (!(distance2 < nearest[i])) continue;
-          nearest[i] = distance2;
+          marks.Add(i, place, reach);
+          if (!(place.distance2 < marks.nearest[i])) continue;
+          marks.nearest[i] = place.distance2;
           block.voxels[i].center = center;
         }
       }
     }
-    return any;
   }
 
   void Evaluate(BandBlock& block) const {
