@@ -14,12 +14,12 @@ namespace fringe_fusion::cli {
 namespace {
 
 /// Files that a command reads from a folder of settings.
-constexpr std::array<const char*, 22> kStageFiles = {
-    "assembly",      "calibration", "capture_assistant", "cell",    "crop",
-    "detect",        "diagnosis",   "epipolar",          "fill",    "fusion",
-    "health",        "inspection",  "pattern",           "phase",   "registration",
-    "response",      "sim",         "simulate_scan",     "surface", "transfer",
-    "triangulation", "variational"};
+constexpr std::array<const char*, 25> kStageFiles = {
+    "assembly",   "calibration",   "capture_assistant", "cell",     "crop",          "detect",
+    "diagnosis",  "drift",         "epipolar",          "fill",     "fusion",        "hand_eye",
+    "health",     "inspection",    "pattern",           "phase",    "registration",  "response",
+    "sim",        "simulate_scan", "surface",           "transfer", "triangulation", "turntable",
+    "variational"};
 /// Files of the nodes and of a scan, which may lie beside them.
 constexpr std::array<const char*, 18> kOtherFiles = {
     "arm_axes",   "camera",    "cell_node", "cell_sim",   "fusion_node",    "job",
