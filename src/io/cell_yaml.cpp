@@ -1,13 +1,12 @@
+#include "cell_yaml.hpp"
+
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "yaml_fields.hpp"
 
 namespace fringe_fusion {
-namespace {
-
-using internal::QuotedYaml;
-using internal::YamlFields;
+namespace internal {
 
 void ReadModel(YamlFields& fields, CameraModel& model) {
   fields.Required("width", model.width);
@@ -19,11 +18,18 @@ void ReadModel(YamlFields& fields, CameraModel& model) {
   fields.Required("distortion", model.distortion);
 }
 
-std::string ModelYaml(const CameraModel& m) {
+std::string ModelYaml(const CameraModel& model) {
   return fmt::format(
-      "{{width: {}, height: {}, fx: {}, fy: {}, cx: {}, cy: {},\n  distortion: [{}]}}", m.width,
-      m.height, m.fx, m.fy, m.cx, m.cy, fmt::join(m.distortion, ", "));
+      "{{width: {}, height: {}, fx: {}, fy: {}, cx: {}, cy: {},\n  distortion: [{}]}}", model.width,
+      model.height, model.fx, model.fy, model.cx, model.cy, fmt::join(model.distortion, ", "));
 }
+
+}  // namespace internal
+
+namespace {
+
+using internal::QuotedYaml;
+using internal::YamlFields;
 
 /// The lower triangle of a covariance, row after row.
 constexpr std::size_t kNumTriangle = kNumCellParameters * (kNumCellParameters + 1) / 2;
@@ -46,8 +52,8 @@ std::string CovarianceYaml(const CellCovariance& covariance) {
 std::string CellYaml(const CellCalibration& calibration) {
   std::string text =
       "# p_projector = T_projector_camera * p_camera [m]; distortion: k1 k2 p1 p2 k3\n";
-  text += "camera: " + ModelYaml(calibration.camera) + "\n";
-  text += "projector: " + ModelYaml(calibration.projector) + "\n";
+  text += "camera: " + internal::ModelYaml(calibration.camera) + "\n";
+  text += "projector: " + internal::ModelYaml(calibration.projector) + "\n";
   text += "T_projector_camera: " + internal::TransformYaml(calibration.T_projector_camera) + "\n";
   if (!calibration.camera_serial.empty()) {
     text += "camera_serial: " + QuotedYaml(calibration.camera_serial) + "\n";
@@ -74,9 +80,11 @@ Result<CellCalibration> ReadCellCalibration(const std::string& path) {
   if (!root) return Forward(root);
   CellCalibration calibration;
   YamlFields fields(*root, path);
-  fields.Nested("camera", [&](YamlFields& camera) { ReadModel(camera, calibration.camera); });
-  fields.Nested("projector",
-                [&](YamlFields& projector) { ReadModel(projector, calibration.projector); });
+  fields.Nested("camera",
+                [&](YamlFields& camera) { internal::ReadModel(camera, calibration.camera); });
+  fields.Nested("projector", [&](YamlFields& projector) {
+    internal::ReadModel(projector, calibration.projector);
+  });
   fields.Nested("T_projector_camera", [&](YamlFields& transform) {
     internal::ReadTransform(transform, calibration.T_projector_camera);
   });
