@@ -104,7 +104,7 @@ Result<PatternCorrection> LoadCorrection(const PatternConfig& config, const Sess
   }
   auto response = ReadResponse(session.StageFile("response"));
   if (!response) return Forward(response);
-  correction.response = std::move(*response);
+  if (response->use == ResponseUse::kPatterns) correction.response = std::move(*response);
   return correction;
 }
 

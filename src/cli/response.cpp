@@ -25,6 +25,7 @@ struct ResponseOptions {
   std::string scan;
   std::string ramp;
   std::string out;
+  std::string undo_in = "patterns";
   int view = -1;
   double noise_ratio = 0.0;
 };
@@ -45,9 +46,16 @@ void Declare(Command& command, ResponseOptions& options) {
       .TypeName("DIR");
   command
       .AddOption("--out", options.out,
-                 "Write the table; as response.yaml in a folder of settings, `fringe patterns` and "
-                 "`fringe simulate` undo it, and projector_node as its response_file")
+                 "Write the table; as response.yaml in a folder of settings, every command undoes "
+                 "it, as response_file projector_node and phase_node")
       .TypeName("RESPONSE.yaml");
+  command
+      .AddOption(
+          "--undo-in", options.undo_in,
+          "Where the table written is to be undone: in the patterns that are sent, or in the "
+          "phases when scans of uncorrected patterns are decoded")
+      .OneOf({"patterns", "phase"})
+      .ShowDefault();
   command
       .AddOption("--noise-ratio", options.noise_ratio,
                  "Noise of a grey value over the fringe amplitude, by which the number of steps is "
@@ -104,6 +112,7 @@ Result<double> NoiseRatio(const ImageStack& stack, const DecodeConfig& config,
     decode.phase.gain_dn = noise->gain_dn;
   }
   decode.diagnosis.estimate_noise = false;
+  decode.response.reset();  // it is being measured
   const auto phase = DecodeView(stack, decode, owner, progress);
   if (!phase) return Forward(phase);
   Image<float> ratio(phase->width, phase->height, std::nanf(""));
@@ -169,6 +178,7 @@ Status Respond(const ResponseOptions& options, Session& session) {
     }
   }
   session.console.End();
+  response->use = options.undo_in == "phase" ? ResponseUse::kPhase : ResponseUse::kPatterns;
   Json& figures = session.figures;
   figures.Set("gamma", response->gamma)
       .Set("sigma_gamma", response->sigma_gamma)

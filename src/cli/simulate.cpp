@@ -83,7 +83,7 @@ Result<sim::SimulateScanConfig> LoadSettings(const SimulateOptions& options) {
       }
       auto response = ReadResponse((folder / "response.yaml").string());
       if (!response) return Forward(response);
-      config.response = std::move(*response);
+      if (response->use == ResponseUse::kPatterns) config.response = std::move(*response);
     }
     if (fs::exists(folder / "cell.yaml")) cell_file = folder / "cell.yaml";
   } else {

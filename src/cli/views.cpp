@@ -4,11 +4,13 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <utility>
 
 #include "figures.hpp"
 #include "fringe_fusion/diagnosis/sensor_noise.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
 #include "fringe_fusion/io/poses_conf.hpp"
+#include "fringe_fusion/io/response_yaml.hpp"
 
 namespace fringe_fusion::cli {
 namespace {
@@ -135,14 +137,26 @@ Result<DecodeConfig> LoadDecodeConfig(const Session& session) {
   if (!phase) return Forward(phase);
   const auto diagnosis = session.LoadStage<DiagnosisConfig>("diagnosis");
   if (!diagnosis) return Forward(diagnosis);
-  return DecodeConfig{*phase, *diagnosis};
+  DecodeConfig config{*phase, *diagnosis, {}};
+  if (!session.HasStage("response")) return config;
+  auto response = ReadResponse(session.StageFile("response"));
+  if (!response) return Forward(response);
+  const auto pattern = session.LoadStage<PatternConfig>("pattern");
+  if (!pattern) return Forward(pattern);
+  if (response->use == ResponseUse::kPhase && pattern->gamma != 1.0) {
+    return Fail("{}: gamma is {}, but response.yaml beside it is undone in the phases",
+                session.StageFile("pattern"), pattern->gamma);
+  }
+  config.response = std::move(*response);
+  return config;
 }
 
 Result<PhaseMap> DecodeView(const ImageStack& stack, const DecodeConfig& config,
                             const std::string& owner, const Progress& progress, PhaseMap recycled) {
   const auto phase = WithSensorNoise(config.phase, stack, config.diagnosis);
   if (!phase) return Fail("{}: {}", owner, phase.error().message);
-  Result<PhaseMap> map = DecodePhase(stack, *phase, progress, std::move(recycled));
+  Result<PhaseMap> map = DecodeWithResponse(stack, *phase, config.diagnosis, config.response,
+                                            progress, std::move(recycled));
   if (!map) return Fail("{}: {}", owner, map.error().message);
   return map;
 }

@@ -1,11 +1,12 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "command.hpp"
-#include "fringe_fusion/diagnosis/diagnosis_config.hpp"
+#include "fringe_fusion/diagnosis/response.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
 #include "fringe_fusion/pose/view.hpp"
@@ -25,6 +26,7 @@ void DeclareViews(Command& command, ViewsOptions& options);
 struct DecodeConfig {
   PhaseConfig phase;
   DiagnosisConfig diagnosis;  ///< how sensor noise is estimated, where phase asks for it
+  std::optional<ResponseCurve> response;  ///< undone in the phases, if it says so
 };
 [[nodiscard]] Result<DecodeConfig> LoadDecodeConfig(const Session& session);
 

@@ -6,8 +6,10 @@
 #include <limits>
 
 #include "common/constants.hpp"
+#include "exposures.hpp"
 #include "fringe_fusion/pattern/pattern_light.hpp"
 #include "response_bins.hpp"
+#include "response_light.hpp"
 #include "stack_sampling.hpp"
 
 namespace fringe_fusion {
@@ -16,16 +18,6 @@ namespace {
 constexpr int kRampSamples = 200000;
 constexpr double kRampSaturationRatio = 0.98;
 constexpr std::size_t kMinParts = 4;  // fewer tell no spread
-
-// Light in a cosine pattern of full swing at phase theta.
-double Cosine(double theta_rad) { return 0.5 + 0.5 * std::cos(theta_rad); }
-
-double Evaluate(const ResponseCurve& response, double light) {
-  const double value = 255.0 * std::clamp(light, 0.0, 1.0);
-  const auto low = std::min(static_cast<std::size_t>(value), std::size_t{254});
-  const double part = value - static_cast<double>(low);
-  return response.light[low] + part * (response.light[low + 1] - response.light[low]);
-}
 
 // The value whose light is nearest.
 std::uint8_t ValueOfLight(const ResponseCurve& response, double light) {
@@ -92,6 +84,14 @@ Result<ResponseCurve> ToCurve(const diagnosis::BinsOfParts& parts) {
   FitGamma(*response);
   response->sigma_gamma = JackknifeSigma(parts);
   return response;
+}
+
+// Response of the frames of one exposure.
+Result<ResponseCurve> ResponseOfFrames(const ImageStack& stack, const DiagnosisConfig& config) {
+  const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
+  if (!sampled) return Forward(sampled);
+  const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(stack.sequence);
+  return ToCurve(diagnosis::CollectResponse(*sampled, plan));
 }
 
 // Black and white of every usable pixel of a ramp, as weights.
@@ -164,10 +164,13 @@ Result<ResponseCurve> ResponseFromScan(const ImageStack& stack, const DiagnosisC
   Status status = CheckBounds(config, "diagnosis");
   if (status) status = Validate(stack, "response");
   if (!status) return tl::unexpected<Error>(status.error());
-  const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
-  if (!sampled) return Forward(sampled);
-  const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(stack.sequence);
-  return ToCurve(diagnosis::CollectResponse(*sampled, plan));
+  if (!diagnosis::IsOneExposure(stack.sequence)) {
+    const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
+    if (!sampled) return Forward(sampled);
+    const double best = diagnosis::BestExposure(*sampled, stack, PhaseConfig{});
+    return ResponseOfFrames(diagnosis::OneExposure(stack, best), config);
+  }
+  return ResponseOfFrames(stack, config);
 }
 
 std::vector<double> Harmonics(const ResponseCurve& response, int count) {
@@ -175,7 +178,7 @@ std::vector<double> Harmonics(const ResponseCurve& response, int count) {
   std::vector<double> harmonics(static_cast<std::size_t>(std::max(count, 2)), 0.0);
   for (int i = 0; i < kSamples; ++i) {
     const double theta = 2.0 * kPi * (i + 0.5) / kSamples;
-    const double light = Evaluate(response, Cosine(theta));
+    const double light = diagnosis::SeenLight(response, diagnosis::CosineLight(theta));
     for (std::size_t k = 0; k < harmonics.size(); ++k) {
       harmonics[k] += light * std::cos(static_cast<double>(k) * theta);
     }
@@ -185,51 +188,6 @@ std::vector<double> Harmonics(const ResponseCurve& response, int count) {
   harmonics[0] *= 0.5;  // the mean, not an amplitude
   harmonics.resize(static_cast<std::size_t>(std::max(count, 0)));
   return harmonics;
-}
-
-PhaseLut MakePhaseLut(const ResponseCurve& response, int steps) {
-  constexpr int kSize = 1024;
-  // Measured phase of each true one, then the table turned round.
-  std::vector<double> error(kSize);
-  for (int i = 0; i < kSize; ++i) {
-    const double phase = 2.0 * kPi * i / kSize;
-    double sine = 0.0;
-    double cosine = 0.0;
-    for (int n = 0; n < steps; ++n) {
-      const double delta = 2.0 * kPi * n / steps;
-      const double light = Evaluate(response, Cosine(phase - delta));
-      sine += light * std::sin(delta);
-      cosine += light * std::cos(delta);
-    }
-    error[static_cast<std::size_t>(i)] = std::remainder(std::atan2(sine, cosine) - phase, 2 * kPi);
-  }
-  const auto at = [&](double phase) {
-    const double place = phase / (2.0 * kPi) * kSize;
-    const double low = std::floor(place);
-    const auto index = static_cast<std::size_t>(((static_cast<int>(low) % kSize) + kSize) % kSize);
-    const double part = place - low;
-    return error[index] + part * (error[(index + 1) % kSize] - error[index]);
-  };
-  PhaseLut lut;
-  lut.error_rad.resize(kSize);
-  for (int i = 0; i < kSize; ++i) {
-    const double measured = 2.0 * kPi * i / kSize;
-    double truth = measured;
-    // Fixed point: the error changes far slower than the phase.
-    for (int iteration = 0; iteration < 50; ++iteration) truth = measured - at(truth);
-    lut.error_rad[static_cast<std::size_t>(i)] = measured - truth;
-  }
-  return lut;
-}
-
-double CorrectPhase(const PhaseLut& lut, double phase_rad) {
-  const auto size = static_cast<int>(lut.error_rad.size());
-  const double place = phase_rad / (2.0 * kPi) * size;
-  const double low = std::floor(place);
-  const auto index = static_cast<std::size_t>(((static_cast<int>(low) % size) + size) % size);
-  const double next = lut.error_rad[(index + 1) % lut.error_rad.size()];
-  const double error = lut.error_rad[index] + (place - low) * (next - lut.error_rad[index]);
-  return std::remainder(phase_rad - error, 2.0 * kPi);
 }
 
 double PhaseRipple(const ResponseCurve& response, int steps) {

@@ -11,6 +11,8 @@ namespace {
 constexpr std::size_t kNumValues = 256;
 constexpr std::size_t kValuesPerLine = 8;
 constexpr double kEndTolerance = 1e-6;
+constexpr const char* kPatternsWord = "patterns";
+constexpr const char* kPhaseWord = "phase";
 
 // NaN fails every comparison.
 Status CheckLight(const std::array<double, kNumValues>& light, const std::string& path) {
@@ -34,6 +36,9 @@ Status WriteResponse(const ResponseCurve& response, const std::string& path) {
   if (Status status = CheckLight(response.light, path); !status) return status;
   std::string text =
       "# Light seen for each 8-bit value sent to the projector, relative to black and white.\n";
+  text +=
+      fmt::format("undo_in: {}  # patterns: they are sent through the inverse; phase: of scans\n",
+                  response.use == ResponseUse::kPhase ? kPhaseWord : kPatternsWord);
   text += fmt::format("gamma: {}\n", response.gamma);
   if (std::isfinite(response.sigma_gamma)) {
     text += fmt::format("sigma_gamma: {}\n", response.sigma_gamma);
@@ -55,6 +60,12 @@ Result<ResponseCurve> ReadResponse(const std::string& path) {
   if (!root) return Forward(root);
   ResponseCurve response;
   internal::YamlFields fields(*root, path);
+  std::string use = kPatternsWord;
+  fields.Optional("undo_in", use);
+  if (fields.ok() && use != kPatternsWord && use != kPhaseWord) {
+    fields.Reject(fmt::format("undo_in is '{}', must be {} or {}", use, kPatternsWord, kPhaseWord));
+  }
+  response.use = use == kPhaseWord ? ResponseUse::kPhase : ResponseUse::kPatterns;
   fields.Required("gamma", response.gamma);
   fields.Optional("sigma_gamma", response.sigma_gamma);
   fields.Required("gamma_residual", response.gamma_residual);

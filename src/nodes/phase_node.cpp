@@ -12,6 +12,7 @@
 
 #include "fringe_fusion/diagnosis/sensor_noise.hpp"
 #include "fringe_fusion/inspection/mask_picture.hpp"
+#include "fringe_fusion/io/response_yaml.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
 #include "fringe_fusion/ros_io/geometry_messages.hpp"
@@ -56,8 +57,13 @@ Result<std::unique_ptr<PhaseNode>> PhaseNode::Create(ros::NodeHandle nh,
   const auto triangulation =
       ros_io::LoadConfig<TriangulationConfig>(ros::NodeHandle(private_nh, "triangulation"));
   if (!triangulation) return Forward(triangulation);
-  return std::unique_ptr<PhaseNode>(
-      new PhaseNode(std::move(nh), Configs{*node, *phase, *diagnosis, *triangulation}));
+  Configs configs{*node, *phase, *diagnosis, *triangulation, {}};
+  if (!node->response_file.empty()) {
+    auto response = ReadResponse(node->response_file);
+    if (!response) return Forward(response);
+    configs.response = std::move(*response);
+  }
+  return std::unique_ptr<PhaseNode>(new PhaseNode(std::move(nh), configs));
 }
 
 PhaseNode::PhaseNode(ros::NodeHandle nh, const Configs& configs)
@@ -130,7 +136,8 @@ Result<int> PhaseNode::Reconstruct(const ImageStack& stack, const std::string& c
   if (!calibration) return Forward(calibration);
   const Result<PhaseConfig> config = WithSensorNoise(configs_.phase, stack, configs_.diagnosis);
   if (!config) return Forward(config);
-  Result<PhaseMap> phase = DecodePhase(stack, *config, NoProgress, std::move(last_phase_));
+  Result<PhaseMap> phase = DecodeWithResponse(stack, *config, configs_.diagnosis, configs_.response,
+                                              NoProgress, std::move(last_phase_));
   if (!phase) return Forward(phase);
   last_phase_ = std::move(*phase);
   PublishCodes(last_phase_, *calibration, stack, camera_frame);

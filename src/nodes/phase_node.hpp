@@ -9,11 +9,12 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "fringe_fusion/calibration/cell_calibration.hpp"
 #include "fringe_fusion/common/result.hpp"
-#include "fringe_fusion/diagnosis/diagnosis_config.hpp"
+#include "fringe_fusion/diagnosis/response.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
 #include "fringe_fusion/triangulation/range_image.hpp"
 #include "nodes/stack_assembler.hpp"
@@ -23,12 +24,14 @@ namespace fringe_fusion::nodes {
 /// Parameters of phase_node beside the stages `phase`, `diagnosis` and `triangulation`.
 struct PhaseNodeConfig {
   std::string projector_frame = "projector_optical_frame";
+  std::string response_file;           ///< response.yaml; "": none. Undone here, if it says so
   int frame_queue_size = 200;          ///< Frames kept while a view is being decoded
   double calibration_timeout_s = 5.0;  ///< wait for camera_info, projector_info and tf
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
     field("projector_frame", projector_frame);
+    field("response_file", response_file);
     field("frame_queue_size", frame_queue_size, 1, 100000);
     field("calibration_timeout_s", calibration_timeout_s, 0.0, 3600.0);
   }
@@ -46,6 +49,7 @@ class PhaseNode {
     PhaseConfig phase;
     DiagnosisConfig diagnosis;  ///< whether and how sensor noise is estimated
     TriangulationConfig triangulation;
+    std::optional<ResponseCurve> response;  ///< undone in the phases, if it says so
   };
   PhaseNode(ros::NodeHandle nh, const Configs& configs);
 

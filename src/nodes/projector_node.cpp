@@ -28,7 +28,7 @@ Result<PatternCorrection> LoadCorrection(const ProjectorNodeConfig& config,
   }
   auto response = ReadResponse(config.response_file);
   if (!response) return Forward(response);
-  correction.response = std::move(*response);
+  if (response->use == ResponseUse::kPatterns) correction.response = std::move(*response);
   return correction;
 }
 

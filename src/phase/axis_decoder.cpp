@@ -5,6 +5,7 @@
 #include <cstddef>
 
 #include "common/constants.hpp"
+#include "decode_corrected.hpp"
 
 namespace fringe_fusion::decode {
 namespace {
@@ -56,7 +57,8 @@ AxisDecoder::AxisDecoder(const AxisPlan& plan, const DecodeContext& context)
       least_log_odds_(LeastLogOdds(context.config)),
       row_(context.stride()) {
   if (plan.gray) gray_.emplace(*plan.gray, context);
-  for (const PhaseSet& set : plan.sets) fits_.emplace_back(set, context);
+  const Axis axis = &plan == &context.plan.u ? Axis::kU : Axis::kV;
+  for (const PhaseSet& set : plan.sets) fits_.emplace_back(set, context, LutOf(context, axis, set));
   if (plan.unwrapping == Unwrapping::kJoint) joint_.emplace(plan.sets, plan.size_px, context);
   if (!plan.micro.empty()) micro_.emplace(plan, context);
 }

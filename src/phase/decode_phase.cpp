@@ -3,6 +3,7 @@
 #include <optional>
 #include <utility>
 
+#include "decode_corrected.hpp"
 #include "decode_with.hpp"
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/phase/phase_map.hpp"
@@ -191,7 +192,7 @@ Result<PhaseMap> DecodePhase(const ImageStack& stack, const PhaseConfig& config,
 
 Result<PhaseMap> decode::DecodeWith(const Kernels& kernels, const ImageStack& stack,
                                     const PhaseConfig& config, const Progress& progress,
-                                    PhaseMap recycled) {
+                                    PhaseMap recycled, const PhaseCorrection* correction) {
   if (Status status = CheckBounds(config, "phase"); !status) {
     return tl::unexpected<Error>(status.error());
   }
@@ -201,10 +202,15 @@ Result<PhaseMap> decode::DecodeWith(const Kernels& kernels, const ImageStack& st
   const Result<DecodePlan> plan =
       decode::MakeDecodePlan(stack.sequence, decode::TakenExposures(stack));
   if (!plan) return Forward(plan);
+  if (correction != nullptr) {
+    Status status = decode::CheckCorrectable(*plan);
+    if (status) status = decode::CheckTables(*plan, *correction);
+    if (!status) return tl::unexpected<Error>(status.error());
+  }
   PhaseMap map = MakePhaseMap(stack, *plan, config, std::move(recycled));
   const auto full_scale_dn = static_cast<float>((1 << stack.frames.front().bit_depth) - 1);
-  const DecodeContext context{*plan, config, kernels, decode::StretchWidth(map.width),
-                              full_scale_dn};
+  const DecodeContext context{*plan,         config,    kernels, decode::StretchWidth(map.width),
+                              full_scale_dn, correction};
   if (Status status = DecodeAndMask(stack, context, progress, map); !status) {
     return tl::unexpected<Error>(status.error());
   }

@@ -1,13 +1,14 @@
 #pragma once
 
-#include "fringe_fusion/phase/phase_map.hpp"
+#include "fringe_fusion/phase/phase_correction.hpp"
 #include "kernels.hpp"
 
 namespace fringe_fusion::decode {
 
-/// DecodePhase on one instruction set, for tests and benchmarks.
+/// DecodePhase on one instruction set, or DecodeCorrectedPhase.
 [[nodiscard]] Result<PhaseMap> DecodeWith(const Kernels& kernels, const ImageStack& stack,
                                           const PhaseConfig& config, const Progress& progress,
-                                          PhaseMap recycled);
+                                          PhaseMap recycled,
+                                          const PhaseCorrection* correction = nullptr);
 
 }  // namespace fringe_fusion::decode

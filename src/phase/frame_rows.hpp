@@ -7,6 +7,10 @@
 #include "fringe_fusion/phase/phase_map.hpp"
 #include "kernels.hpp"
 
+namespace fringe_fusion {
+struct PhaseCorrection;
+}
+
 namespace fringe_fusion::decode {
 
 /// Noise of the camera as the kernels want it: read noise, shot noise and quantisation.
@@ -28,6 +32,7 @@ struct DecodeContext {
   const Kernels& kernels;
   int width = 0;  ///< of the stretch of a row that is decoded at once
   float full_scale_dn = 255.0F;
+  const PhaseCorrection* correction = nullptr;  ///< null: phases are as measured
 
   /// Width of row buffers: whole blocks of the kernels.
   [[nodiscard]] std::size_t stride() const {

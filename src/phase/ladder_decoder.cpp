@@ -24,6 +24,7 @@ bool IsLadder(const AxisPlan& axis) {
 bool LadderDecoder::Takes(const ImageStack& stack, const DecodeContext& context) {
   const DecodePlan& plan = context.plan;
   if (plan.groups.size() != 1 || context.config.report_order_error) return false;
+  if (context.correction != nullptr) return false;
   const std::size_t num_white = plan.groups[0].white_frames.size();
   if (num_white > 1 || plan.groups[0].black_frames.size() != num_white) return false;
   const std::size_t kind = stack.frames.front().pixels.index();

@@ -25,7 +25,7 @@ std::vector<int> NumberPlaces(std::vector<PhaseSample>& samples) {
 
 }  // namespace
 
-StepFit::StepFit(const PhaseSet& set, const DecodeContext& context)
+StepFit::StepFit(const PhaseSet& set, const DecodeContext& context, const PhaseLut* lut)
     : set_(set), context_(context), row_(context.stride()), refit_(context.stride()) {
   if (set_.carrier_steps == 0) places_ = NumberPlaces(set_.samples);
   for (const PhaseSample& sample : set_.samples) {
@@ -35,10 +35,15 @@ StepFit::StepFit(const PhaseSet& set, const DecodeContext& context)
     exposures_.push_back(static_cast<float>(context_.plan.groups[group].ratio));
   }
   frames_.resize(set_.samples.size());
+  if (lut != nullptr) corrected_.emplace(set_, context_, *lut);
 }
 
 void StepFit::Run(const FrameRows& rows) {
   for (std::size_t n = 0; n < frames_.size(); ++n) frames_[n] = rows.frame(set_.samples[n].frame);
+  if (corrected_) {
+    corrected_->Run(frames_, row_);
+    return;
+  }
   if (set_.carrier_steps > 0) {
     for (std::size_t x = 0; x < static_cast<std::size_t>(context_.width); ++x) DemodulatePixel(x);
     return;

@@ -1,27 +1,12 @@
 #pragma once
 
-#include <cstdint>
+#include <optional>
 #include <vector>
 
-#include "frame_rows.hpp"
+#include "corrected_fit.hpp"
+#include "set_row.hpp"
 
 namespace fringe_fusion::decode {
-
-/// What a phase set says about every pixel of a row.
-struct SetRow {
-  explicit SetRow(std::size_t size)
-      : cycles(size), variance(size), offset(size), amplitude2(size), status(size) {}
-
-  std::vector<float> cycles;         ///< phase / 2 pi, sign and offset undone, 0..1
-  std::vector<float> variance;       ///< of cycles
-  std::vector<float> offset;         ///< A [DN]
-  std::vector<float> amplitude2;     ///< B^2 [DN^2]
-  std::vector<std::int32_t> status;  ///< RowStatus
-
-  [[nodiscard]] FitOut out() {
-    return {cycles.data(), variance.data(), offset.data(), amplitude2.data(), status.data()};
-  }
-};
 
 /// Weighted least-squares fit of I_n = exposure_n (A + B cos(phi - delta_n)) to every pixel of a
 /// row, with the weights that the noise model gives at the fitted grey values. Attains the
@@ -30,7 +15,8 @@ struct SetRow {
 /// Ref: science sections 2.1, 2.7, 2.9. One object per thread: Run replaces the row.
 class StepFit {
  public:
-  StepFit(const PhaseSet& set, const DecodeContext& context);
+  /// @param lut by which phases are corrected, or null; then CorrectedFit does the work.
+  StepFit(const PhaseSet& set, const DecodeContext& context, const PhaseLut* lut = nullptr);
 
   void Run(const FrameRows& rows);
 
@@ -52,6 +38,7 @@ class StepFit {
   std::vector<int> places_;
   SetRow row_;
   SetRow refit_;
+  std::optional<CorrectedFit> corrected_;
 };
 
 }  // namespace fringe_fusion::decode

@@ -124,6 +124,42 @@ TEST_F(Capture, ResponseTableUndoesTheGammaOfTheProjector) {
   EXPECT_TRUE(Contains(both.err, "response.yaml beside it")) << both.err;
 }
 
+TEST_F(Capture, PhasesOfAScanAreCorrectedWhereTheTableSaysSo) {
+  Set("sim.yaml", "projector_gamma: 1.2", "projector_gamma: 1.6");
+  Simulate("scan");
+  const auto decode = [&](const std::string& scan, const std::string& out) {
+    return RunFringe(
+        {"decode", "--scan", Path(scan), "--out", Path(out), "--config", Path("config")});
+  };
+  ASSERT_EQ(decode("scan", "plain").exit_status, 0);
+  const Outcome outcome = RunFringe({"response", "--scan", Path("scan"), "--undo-in", "phase",
+                                     "--out", Path("config/response.yaml")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  for (const char* out : {"corrected", "again"}) {
+    const Outcome decoded = decode("scan", out);
+    ASSERT_EQ(decoded.exit_status, 0) << decoded.err;
+  }
+  const auto codes = [&](const char* out) {
+    return ReadBytes(Path(std::string(out) + "/views/000/u.tiff"));
+  };
+  EXPECT_FALSE(codes("plain").empty());
+  EXPECT_NE(codes("corrected"), codes("plain"));
+  EXPECT_EQ(codes("corrected"), codes("again"));
+  // The patterns stay as they are, and those that were corrected are not corrected again.
+  Simulate("uncorrected");
+  EXPECT_EQ(decode("uncorrected", "other").exit_status, 0);
+  ReplaceInFile(Path("config/response.yaml"), "undo_in: phase", "undo_in: patterns");
+  Simulate("straight");
+  ReplaceInFile(Path("config/response.yaml"), "undo_in: patterns", "undo_in: phase");
+  const Outcome twice = decode("straight", "other");
+  EXPECT_EQ(twice.exit_status, 1);
+  EXPECT_TRUE(Contains(twice.err, "corrected already")) << twice.err;
+  WriteBytes(Path("config/pattern.yaml"), "gamma: 2.2\n");
+  const Outcome both = decode("scan", "other");
+  EXPECT_EQ(both.exit_status, 1);
+  EXPECT_TRUE(Contains(both.err, "undone in the phases")) << both.err;
+}
+
 TEST_F(Capture, ResponseComesFromAGreyRampAsWell) {
   const Outcome patterns =
       RunFringe({"patterns", "--size", "64x32", "--ramp", "16", "--out", Path("ramp")});

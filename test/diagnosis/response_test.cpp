@@ -160,6 +160,110 @@ TEST(Response, PhaseTableAfterCaptureLeavesLittleRipple) {
   }
 }
 
+// Ripple of a decoded row of coordinates: as RippleOf, by the true phase of the finest set.
+double DecodedRipple(const PhaseMap& map, const sim::ViewTruth& truth, double fringes, int size_px,
+                     int steps) {
+  std::vector<double> cosine(static_cast<std::size_t>(2 * steps) + 1);
+  std::vector<double> sine(cosine.size());
+  double count = 0.0;
+  for (std::size_t i = 0; i < map.u.size(); ++i) {
+    if (map.mask[i] != 0 || truth.lit[i] == 0) continue;
+    const double rad_per_px = 2.0 * kPi * fringes / size_px;
+    const double phase = rad_per_px * (static_cast<double>(truth.u[i]) + 0.5);
+    const double error = rad_per_px * static_cast<double>(map.u[i] - truth.u[i]);
+    for (std::size_t k = 1; k < cosine.size(); ++k) {
+      cosine[k] += error * std::cos(static_cast<double>(k) * phase);
+      sine[k] += error * std::sin(static_cast<double>(k) * phase);
+    }
+    count += 1.0;
+  }
+  EXPECT_GT(count, 0.8 * static_cast<double>(map.u.size()));
+  double squares = 0.0;
+  for (std::size_t k = 1; k < cosine.size(); ++k) {
+    squares += std::pow(2.0 * cosine[k] / count, 2) + std::pow(2.0 * sine[k] / count, 2);
+  }
+  return std::sqrt(squares);
+}
+
+TEST(Response, ScanOfUncorrectedPatternsIsDecodedWithoutRipple) {
+  sim::SimCell cell = PlaneCell(2.2);
+  auto ramp = RampResponse(cell);
+  ASSERT_TRUE(ramp);
+  const int size_px = cell.calibration().projector.width;
+  for (const int steps : {4, 5}) {
+    const ImageStack stack =
+        test::Capture(cell, test::MakePatterns(cell.calibration(), "1,7", steps));
+    const sim::ViewTruth truth = cell.Truth();
+    auto own = ResponseFromScan(stack, {});
+    ASSERT_TRUE(own) << own.error().message;
+    const auto ripple = [&](const std::optional<ResponseCurve>& response) {
+      const auto map = DecodeWithResponse(stack, {}, {}, response);
+      EXPECT_TRUE(map) << map.error().message;
+      return map ? DecodedRipple(*map, truth, 7.0, size_px, steps) : 1.0;
+    };
+    const double before = ripple({});
+    EXPECT_EQ(before, ripple(*ramp));  // to be undone in the patterns
+    ramp->use = own->use = ResponseUse::kPhase;
+    const double after = ripple(*ramp);
+    RecordProperty(fmt::format("before_{}_steps_rad", steps), fmt::format("{:.5f}", before));
+    RecordProperty(fmt::format("after_{}_steps_rad", steps), fmt::format("{:.5f}", after));
+    EXPECT_GT(before, 0.01) << steps;
+    EXPECT_LE(after, 0.003) << steps;
+    EXPECT_LE(ripple(*own), 0.003) << steps;
+    ramp->use = ResponseUse::kPatterns;
+  }
+}
+
+TEST(Response, PhaseTableKnowsWhatBlurLeavesOfTheRipple) {
+  sim::SimConfig config;
+  config.projector_gamma = 2.2;
+  config.projector_blur_px = 2.0;  // 32 fringes of 8 px keep a third of their amplitude
+  config.bit_depth = 12;
+  sim::SimCell cell = sim::MakeCell(config, sim::SmallScanner(4), sim::MakePlane(0.3, 1));
+  ASSERT_TRUE(cell.MoveTo(sim::TopView(), 0));
+  ResponseCurve response = PowerResponse(2.2);
+  response.use = ResponseUse::kPhase;
+  const int size_px = cell.calibration().projector.width;
+  const ImageStack stack = test::Capture(cell, test::MakePatterns(cell.calibration(), "1,20", 4));
+  const auto map = DecodeWithResponse(stack, {}, {}, response);
+  ASSERT_TRUE(map) << map.error().message;
+  // The table of sharp fringes would bring in the ripple of .0106 rad that blur took away.
+  EXPECT_LE(DecodedRipple(*map, cell.Truth(), 20.0, size_px, 4), 0.003);
+  EXPECT_NEAR(MakePhaseLut(response, 4).error_rad[64], 0.0106, 5e-4);
+  // Harmonic k keeps c^(k^2 - 1) of the first. Ref: science section 2.2, b_3 of gamma 2.2.
+  const double b3 = 1.2 / 4.2 * 0.2 / 5.2;
+  const PhaseLut blurred = MakePhaseLut(response, 4, 0.8);
+  const double largest = *std::max_element(blurred.error_rad.begin(), blurred.error_rad.end());
+  EXPECT_NEAR(largest, b3 * std::pow(0.8, 8), 3e-5);
+}
+
+TEST(Response, PhaseTableIsRefusedWhereItWouldHarm) {
+  const auto message = [](const Result<PhaseCorrection>& correction) {
+    return correction ? std::string() : correction.error().message;
+  };
+  sim::SimCell cell = PlaneCell(2.2);
+  const ResponseCurve response = PowerResponse(2.2);
+  const PatternSequence sequence = test::MakePatterns(cell.calibration(), "1,7", 4);
+  // Patterns that were corrected.
+  const std::string twice =
+      message(MakePhaseCorrection(response, test::Capture(cell, sequence, 2.2), {}));
+  EXPECT_NE(twice.find("corrected already"), std::string::npos) << twice;
+  EXPECT_TRUE(MakePhaseCorrection(response, test::Capture(cell, sequence), {}));
+  // At N = 3 the measured phase nearly stands still in places (slope 1 - 3 * .29).
+  const std::string few = message(MakePhaseCorrection(
+      response, test::Capture(cell, test::MakePatterns(cell.calibration(), "1,7", 3)), {}));
+  EXPECT_NE(few.find("take more steps"), std::string::npos) << few;
+  PatternConfig gray;
+  gray.gray = true;
+  gray.fringes = "";
+  const CameraModel& projector = cell.calibration().projector;
+  const auto bars = MakeSequence(gray, projector.width, projector.height);
+  ASSERT_TRUE(bars) << bars.error().message;
+  const std::string none = message(MakePhaseCorrection(response, test::Capture(cell, *bars), {}));
+  EXPECT_NE(none.find("no step fits to correct"), std::string::npos) << none;
+  EXPECT_FALSE(MakePhaseCorrection(response, ImageStack{}, {}));
+}
+
 TEST(Response, StatesHowSureTheGammaIs) {
   // A noisier camera is less sure; the true gamma lies within what is stated and the bias that the
   // test above allows.

@@ -17,6 +17,7 @@ TEST(ResponseYaml, SurvivesARoundTripBitByBit) {
   ResponseCurve response = PowerResponse(2.2);
   response.gamma_residual = 1.0 / 3.0;
   response.sigma_gamma = 0.1 + 0.2;
+  response.use = ResponseUse::kPhase;
   ASSERT_TRUE(WriteResponse(response, folder / "response.yaml"));
   const auto read = ReadResponse(folder / "response.yaml");
   ASSERT_TRUE(read) << read.error().message;
@@ -24,6 +25,7 @@ TEST(ResponseYaml, SurvivesARoundTripBitByBit) {
   EXPECT_EQ(read->gamma, response.gamma);
   EXPECT_EQ(read->sigma_gamma, response.sigma_gamma);
   EXPECT_EQ(read->gamma_residual, response.gamma_residual);
+  EXPECT_EQ(read->use, ResponseUse::kPhase);
 }
 
 TEST(ResponseYaml, KnowsNoSigmaWhereNoneWasMeasured) {
@@ -50,6 +52,11 @@ TEST(ResponseYaml, RefusesWhatIsNoRisingCurve) {
   ASSERT_FALSE(too_few);
   EXPECT_NE(too_few.error().message.find("256"), std::string::npos) << too_few.error().message;
   EXPECT_FALSE(ReadResponse(folder / "absent.yaml"));
+  std::ofstream(folder / "camera.yaml") << "undo_in: camera\ngamma: 1\ngamma_residual: 0\n";
+  const auto strange = ReadResponse(folder / "camera.yaml");
+  ASSERT_FALSE(strange);
+  EXPECT_NE(strange.error().message.find("undo_in is 'camera'"), std::string::npos)
+      << strange.error().message;
 }
 
 }  // namespace

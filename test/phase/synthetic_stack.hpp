@@ -20,6 +20,7 @@ struct SyntheticScene {
   double read_noise_dn = 0.0;
   double gain_dn = 0.0;
   double indirect_dn = 0.0;  ///< light from elsewhere under a white picture
+  double gamma = 1.0;        ///< light that arrives: light sent ^ gamma
   unsigned seed = 1;
   std::function<double(int, int)> u = [](int x, int y) { return 20.3 + 0.61 * x + 0.07 * y; };
   std::function<double(int, int)> v = [](int x, int y) { return 30.1 - 0.05 * x + 0.57 * y; };
@@ -69,7 +70,8 @@ inline ImageStack Synthesize(const PatternSequence& sequence, const SyntheticSce
         const double across = along_u ? scene.v(x, y) : scene.u(x, y);
         const double carrier = SyntheticCarrier(pattern, across);
         const double light =
-            SyntheticLight(pattern, along, along_u ? sequence.width : sequence.height);
+            std::pow(SyntheticLight(pattern, along, along_u ? sequence.width : sequence.height),
+                     scene.gamma);
         // Indirect light comes from so far around that it sees the mean of the carrier.
         const double direct = scene.bright_dn - scene.dark_dn;
         const double mean = carrier == 1.0 ? 1.0 : 0.5;

@@ -11,9 +11,12 @@
 #include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/diagnosis/diagnosis_config.hpp"
 #include "fringe_fusion/pattern/pattern_sequence.hpp"
-#include "fringe_fusion/phase/phase_map.hpp"
+#include "fringe_fusion/phase/phase_correction.hpp"
 
 namespace fringe_fusion {
+
+/// Where a response is undone: in the pictures that are sent, or in the phases of the scan.
+enum class ResponseUse { kPatterns, kPhase };
 
 /// Light that the camera sees for every 8-bit value sent to the projector, relative to black (0)
 /// and white (1); rising.
@@ -24,6 +27,7 @@ struct ResponseCurve {
   /// Standard deviation of gamma, by leaving out a sixteenth of the image at a time; NaN where
   /// fewer than four parts of the image see the projector, or the curve was not measured.
   double sigma_gamma = std::numeric_limits<double>::quiet_NaN();
+  ResponseUse use = ResponseUse::kPatterns;
 };
 
 /// The curve (value / 255)^gamma.
@@ -37,7 +41,8 @@ struct ResponseCurve {
                                                     const std::vector<CapturedFrame>& frames);
 
 /// Response from an ordinary scan without extra frames: the grey values of the coarser sets against
-/// the phase that the next finer set gives, between black and white.
+/// the phase that the finest set gives, between black and white. Of several exposures the one with
+/// most usable pixels counts; frames with a carrier are left out.
 /// @return error when there is no white, black or phase set, or too few pixels see the projector.
 [[nodiscard]] Result<ResponseCurve> ResponseFromScan(const ImageStack& stack,
                                                      const DiagnosisConfig& config);
@@ -46,13 +51,11 @@ struct ResponseCurve {
 /// Ref: science section 2.2.
 [[nodiscard]] std::vector<double> Harmonics(const ResponseCurve& response, int count);
 
-/// Error of the measured phase of an N-step set under a response, as a function of that phase.
-struct PhaseLut {
-  std::vector<double> error_rad;  ///< at measured phases 2 pi i / size
-};
-[[nodiscard]] PhaseLut MakePhaseLut(const ResponseCurve& response, int steps);
-/// @return the true phase of a measured one, both in (-pi, pi].
-[[nodiscard]] double CorrectPhase(const PhaseLut& lut, double phase_rad);
+/// The table of an N-step set under a response.
+/// @param contrast what blur leaves of the amplitude of the set's fringes, 0..1; harmonic k keeps
+///        its power k^2. 1: sharp.
+[[nodiscard]] PhaseLut MakePhaseLut(const ResponseCurve& response, int steps,
+                                    double contrast = 1.0);
 /// Largest |error| [rad]: about |b_{N-1} - b_{N+1}|. Ref: science section 2.2.
 [[nodiscard]] double PhaseRipple(const ResponseCurve& response, int steps);
 
@@ -62,6 +65,25 @@ struct PhaseLut {
 /// Ref: science section 2.2.
 [[nodiscard]] Result<int> ChooseSteps(const ResponseCurve& response, double noise_ratio,
                                       int max_steps);
+
+/// Tables for every phase set of a scan whose patterns were sent as they are. What blur leaves of
+/// each set is measured: its amplitude against white minus black, or against the coarsest set of
+/// the axis where these were not taken.
+/// @return error when CheckCorrectable refuses the sequence; when the scan's own response, where it
+/// can be measured, differs from this by more than config.max_gamma_error, as it does where the
+/// patterns were corrected; or when the steps of a set are too few for the response: the measured
+/// phase then stands nearly still in places, which multiplies the noise.
+[[nodiscard]] Result<PhaseCorrection> MakePhaseCorrection(const ResponseCurve& response,
+                                                          const ImageStack& stack,
+                                                          const DiagnosisConfig& config);
+
+/// DecodePhase, or DecodeCorrectedPhase where a response is given that is used for phases.
+/// @return errors of MakePhaseCorrection and of the decoder.
+[[nodiscard]] Result<PhaseMap> DecodeWithResponse(const ImageStack& stack, const PhaseConfig& phase,
+                                                  const DiagnosisConfig& config,
+                                                  const std::optional<ResponseCurve>& response,
+                                                  const Progress& progress = NoProgress,
+                                                  PhaseMap recycled = {});
 
 /// Value to send for each wanted light v / 255, so that the light is proportional to v.
 [[nodiscard]] std::array<std::uint8_t, 256> InverseLut(const ResponseCurve& response);
