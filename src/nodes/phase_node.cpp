@@ -78,6 +78,7 @@ PhaseNode::PhaseNode(ros::NodeHandle nh, const Configs& configs)
   depth_publisher_ = images_.advertiseCamera("depth/image", 2);
   snr_publisher_ = images_.advertiseCamera("snr/image", 2);
   error_publisher_ = images_.advertiseCamera("error_depth/image", 2);
+  order_publisher_ = images_.advertiseCamera("order_error/image", 2);
   color_publisher_ = images_.advertiseCamera("color/image_color", 2);
   mask_publisher_ = images_.advertiseCamera("mask/image", 2);
   mask_color_publisher_ = images_.advertiseCamera("mask/image_color", 2);
@@ -247,6 +248,7 @@ void PhaseNode::PublishPictures(const PhaseMap& phase, const RangeImage& range,
   };
   if (!phase.u.empty()) publish(phase_u_publisher_, [&] { return phase.u; });
   if (!phase.v.empty()) publish(phase_v_publisher_, [&] { return phase.v; });
+  if (!phase.order_error.empty()) publish(order_publisher_, [&] { return phase.order_error; });
   publish(depth_publisher_, [&] { return Depth(range); });
   publish(snr_publisher_, [&] { return SignalToNoise(phase, config); });
   publish(error_publisher_, [&] { return range.sigma_range; });

@@ -95,6 +95,7 @@ class PhaseNode {
   image_transport::CameraPublisher depth_publisher_;
   image_transport::CameraPublisher snr_publisher_;
   image_transport::CameraPublisher error_publisher_;
+  image_transport::CameraPublisher order_publisher_;
   image_transport::CameraPublisher color_publisher_;
   image_transport::CameraPublisher mask_publisher_;
   image_transport::CameraPublisher mask_color_publisher_;
