@@ -76,22 +76,12 @@ double JackknifeSigma(const diagnosis::BinsOfParts& parts) {
   return std::sqrt((count - 1.0) / count * squares);
 }
 
-Result<ResponseCurve> ToCurve(const diagnosis::BinsOfParts& parts) {
-  diagnosis::ResponseBins bins;
-  for (const diagnosis::ResponseBins& part : parts) bins.Add(part);
-  Result<ResponseCurve> response = bins.Curve();
-  if (!response) return response;
-  FitGamma(*response);
-  response->sigma_gamma = JackknifeSigma(parts);
-  return response;
-}
-
 // Response of the frames of one exposure.
 Result<ResponseCurve> ResponseOfFrames(const ImageStack& stack, const DiagnosisConfig& config) {
   const auto sampled = diagnosis::SampleStack(stack, config.max_samples);
   if (!sampled) return Forward(sampled);
   const diagnosis::SequencePlan plan = diagnosis::MakeSequencePlan(stack.sequence);
-  return ToCurve(diagnosis::CollectResponse(*sampled, plan));
+  return diagnosis::FitResponse(diagnosis::CollectResponse(*sampled, plan));
 }
 
 // Black and white of every usable pixel of a ramp, as weights.
@@ -130,6 +120,16 @@ Status CheckRamp(const std::vector<int>& values, const std::vector<CapturedFrame
 
 }  // namespace
 
+Result<ResponseCurve> diagnosis::FitResponse(const BinsOfParts& parts) {
+  ResponseBins bins;
+  for (const ResponseBins& part : parts) bins.Add(part);
+  Result<ResponseCurve> response = bins.Curve();
+  if (!response) return response;
+  FitGamma(*response);
+  response->sigma_gamma = JackknifeSigma(parts);
+  return response;
+}
+
 ResponseCurve PowerResponse(double gamma) {
   ResponseCurve response;
   for (std::size_t i = 0; i < 256; ++i) {
@@ -157,7 +157,7 @@ Result<ResponseCurve> MeasureResponse(const std::vector<int>& values,
           static_cast<double>(pixels.span[i]));
     }
   }
-  return ToCurve(bins);
+  return diagnosis::FitResponse(bins);
 }
 
 Result<ResponseCurve> ResponseFromScan(const ImageStack& stack, const DiagnosisConfig& config) {

@@ -39,4 +39,7 @@ using BinsOfParts = std::array<ResponseBins, kPartsPerSide * kPartsPerSide>;
 /// axis with one set at that set's own phase.
 [[nodiscard]] BinsOfParts CollectResponse(const SampledStack& stack, const SequencePlan& plan);
 
+/// The curve of all parts, with its gamma and the standard deviation of that over the parts.
+[[nodiscard]] Result<ResponseCurve> FitResponse(const BinsOfParts& parts);
+
 }  // namespace fringe_fusion::diagnosis

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "response_bins.hpp"
 #include "step_residuals.hpp"
 
 namespace fringe_fusion::diagnosis {
@@ -55,6 +56,20 @@ void MeasureResponse(const std::vector<ResidualFit>& fits, TimeMeasures& measure
   measures.gamma = (1.0 + 2.0 * b) / (1.0 - b);
 }
 
+// Three steps have no second harmonic of their own: there white and black tell the curve.
+void MeasureCurve(const SampledStack& stack, const SequencePlan& plan, TimeMeasures& measures) {
+  bool has_coarser = false;  // else the phase is the bent one of the set itself
+  for (std::size_t s = 0; s < plan.sets.size(); ++s) has_coarser |= !IsFinest(plan, s);
+  const Result<ResponseCurve> curve = FitResponse(CollectResponse(stack, plan));
+  if (!has_coarser || !curve) {
+    measures.response_skipped =
+        "harmonics need a set of at least 4 phase steps, or white, black and a coarser set";
+    return;
+  }
+  measures.gamma = curve->gamma;
+  measures.harmonic = (curve->gamma - 1.0) / (curve->gamma + 2.0);
+}
+
 double PhaseShift(const ResidualFit& fit, double steps) {
   const double squares = std::norm(fit.plus) + std::norm(fit.minus);
   if (!(squares > kMinSignificance * kMinSignificance * fit.variance_shift)) return 0.0;
@@ -95,7 +110,7 @@ TimeMeasures MeasureTime(const SampledStack& stack, const SequencePlan& plan,
   }
   measures.edge_shift = MeasureEdgeShift(stack, plan, range, mean_image);
   if (fits.empty()) {
-    measures.response_skipped = "harmonics need a set of at least 4 phase steps";
+    MeasureCurve(stack, plan, measures);
   } else {
     MeasureResponse(fits, measures);
   }

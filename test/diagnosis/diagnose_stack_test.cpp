@@ -165,13 +165,16 @@ TEST(DiagnoseStack, OneFrequencyIsJudgedWithoutUnwrapping) {
   EXPECT_EQ(FirstName(Diagnose(StackOf(single, Fault::kResponse, 1))), "response");
 }
 
-TEST(DiagnoseStack, ThreeStepsHaveNoHarmonics) {
+TEST(DiagnoseStack, ThreeStepsTellTheResponseByWhiteAndBlack) {
   PatternConfig three;
   three.fringes = "1,6,32";
   three.steps = 3;
   const Diagnosis clean = Diagnose(StackOf(three));
   EXPECT_EQ(FirstName(clean), "none");
-  EXPECT_EQ(StateOf(clean, FindingKind::kResponse), CheckState::kSkipped);
+  EXPECT_EQ(StateOf(clean, FindingKind::kResponse), CheckState::kPassed);
+  for (const int strength : {0, 2}) {
+    EXPECT_EQ(FirstName(Diagnose(StackOf(three, Fault::kResponse, strength))), "response");
+  }
   EXPECT_EQ(FirstName(Diagnose(StackOf(three, Fault::kMotion, 2))), "motion");
   EXPECT_EQ(FirstName(Diagnose(StackOf(three, Fault::kExposure, 2))), "exposure");
 }
