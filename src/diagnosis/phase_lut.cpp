@@ -18,8 +18,10 @@ namespace {
 
 constexpr std::size_t kWaveSize = 4096;
 constexpr std::size_t kLutSize = 1024;
-constexpr std::size_t kNumWaveHarmonics = 64;
+constexpr std::size_t kNumWaveHarmonics = 32;
 constexpr double kLeastContrast = 0.02;
+// No picture is sharper; below 1 the harmonics beyond, the noise of a measured curve, are dropped.
+constexpr double kMostContrast = 0.9999;
 // Noise that a table multiplies by more than this is better avoided by more steps.
 constexpr double kMaxLutSlope = 4.0;
 // Where coarse fringes keep this share of their amplitude, grey values tell the response.
@@ -102,7 +104,7 @@ Measured Measure(const std::vector<double>& wave, int steps) {
   return measured;
 }
 
-/// Share of the amplitude that blur leaves of each set; 1 where that cannot be told.
+/// Share of the amplitude that blur leaves of each set; kMostContrast where that cannot be told.
 std::vector<double> MeasureContrasts(const diagnosis::SampledStack& stack,
                                      const diagnosis::SequencePlan& plan, double sharp_ratio) {
   std::vector<diagnosis::StepFit> fits;
@@ -129,7 +131,8 @@ std::vector<double> MeasureContrasts(const diagnosis::SampledStack& stack,
       ratios.push_back(static_cast<double>(fits[s].modulation_dn[i]) / sharp(i));
     }
     const bool told = ratios.size() >= kMinContrastPixels;
-    contrasts.push_back(told ? std::min(1.0, Median(std::move(ratios))) : 1.0);
+    const double contrast = told ? Median(std::move(ratios)) : kMostContrast;
+    contrasts.push_back(std::min(contrast, kMostContrast));
   }
   return contrasts;
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include "common/constants.hpp"
 #include "common/turn_place.hpp"
@@ -37,14 +39,15 @@ CorrectedFit::CorrectedFit(const PhaseSet& set, const DecodeContext& context, co
     cosines_.push_back(std::cos(deltas_rad_.back()));
     sines_.push_back(std::sin(deltas_rad_.back()));
   }
-  // Samples are sorted by exposure, then step.
+  std::map<int, Shot> shots;  // by exposure group
   for (std::size_t i = 0; i < set.samples.size(); ++i) {
     const PhaseSample& sample = set.samples[i];
-    if (i == 0 || sample.group != set.samples[i - 1].group) {
-      shots_.push_back({context.plan.groups[static_cast<std::size_t>(sample.group)].ratio, {}});
-    }
-    shots_.back().samples.push_back(i);
+    Shot& shot = shots[sample.group];
+    shot.exposure_ratio = context.plan.groups[static_cast<std::size_t>(sample.group)].ratio;
+    shot.samples.resize(num_steps_);
+    shot.samples[static_cast<std::size_t>(sample.step)] = i;
   }
+  for (auto& [group, shot] : shots) shots_.push_back(std::move(shot));
 }
 
 void CorrectedFit::Run(const std::vector<const float*>& frames, SetRow& row) {

@@ -122,7 +122,7 @@ TEST(CorrectedPhase, TakesEveryExposureThatIsNotSaturated) {
   EXPECT_GT(errors.num_valid, 0.97 * scene.width * scene.height);
   EXPECT_NEAR(errors.mean_square, 1.0, 0.1);
   // Nothing is left where all are.
-  scene.bright_dn = 9000.0;
+  scene.bright_dn = 30000.0;
   const auto blind =
       DecodeCorrectedPhase(Synthesize(sequence, scene), config, Tables(2.2, sequence));
   ASSERT_TRUE(blind);
