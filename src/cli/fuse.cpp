@@ -3,9 +3,10 @@
 
 #include "command.hpp"
 #include "figures.hpp"
+#include "fill_option.hpp"
 #include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/io/mesh_io.hpp"
-#include "fringe_fusion/surface/fill_holes.hpp"
+#include "fringe_fusion/surface/fuse_slabs.hpp"
 #include "fuse_variational.hpp"
 #include "fuse_views.hpp"
 #include "views.hpp"
@@ -19,14 +20,13 @@ struct FuseOptions {
   std::string model;
   std::string method = "gie";
   double voxel_m = 0.0;
-  bool fill_holes = false;
-  bool watertight = false;
-  double max_hole_mm = 0.0;
+  bool slabs = false;
+  FillOptions fill;
 };
 
 void Declare(Command& command, FuseOptions& options) {
   DeclareViews(command, options.views);
-  command.AddOption("--out", options.out, "Mesh to write: .ply, .stl or .obj")
+  command.AddOption("--out", options.out, "Mesh to write: .ply, .stl, .obj or .glb")
       .Required()
       .TypeName("MESH.ply");
   command
@@ -45,41 +45,11 @@ void Declare(Command& command, FuseOptions& options) {
           "the spacing of the points)")
       .InRange(1e-6, 10.0)
       .TypeName("M");
-  const Option fill = command.AddFlag(
-      "--fill-holes", options.fill_holes,
-      "Close holes where no sensor saw that space is empty; their faces are flagged `filled`");
-  const Option max_hole =
-      command
-          .AddOption("--max-hole-mm", options.max_hole_mm,
-                     "Larger holes stay open (default: max_hole_m of fill.yaml)")
-          .InRange(1e-3, 1e5)
-          .Needs(fill)
-          .TypeName("MM");
-  command.AddFlag("--watertight", options.watertight, "Close all holes, whatever their size")
-      .Excludes(max_hole);
-}
-
-/// Closes the holes of a field, if that was asked for.
-Status FillIfAsked(const FuseOptions& options, const VoxelField& field,
-                   const std::vector<View>& views, Session& session, Mesh& mesh) {
-  if (!options.fill_holes && !options.watertight) return {};
-  auto fill = session.LoadStage<FillConfig>("fill");
-  if (!fill) return Forward(fill);
-  if (options.max_hole_mm > 0.0) fill->max_hole_m = options.max_hole_mm * 1e-3;
-  if (options.watertight) fill->watertight = true;
-  const auto surface = session.LoadStage<SurfaceConfig>("surface");
-  if (!surface) return Forward(surface);
-  session.console.Begin("fill holes", 1);
-  auto filled = FillHoles(field, views, *fill, *surface, session.console.Part(0));
-  if (!filled) return Forward(filled);
-  session.console.End();
-  mesh = std::move(filled->mesh);
-  session.figures.Set("fill", FillStageFigures(filled->figures));
-  session.figures.Set("mesh", MeshFigures(mesh));
-  fmt::print("filled: {} holes with {} faces, {} left open, {} open edges\n",
-             filled->figures.num_filled, filled->figures.num_filled_faces, filled->figures.num_left,
-             filled->figures.num_open_edges);
-  return {};
+  command.AddFlag(
+      "--slabs", options.slabs,
+      "For scans that do not fit into memory: fuse slab by slab within max_memory_gb of "
+      "fusion.yaml, with scratch files beside the mesh");
+  DeclareFill(command, options.fill);
 }
 
 Status FuseRbf(const FuseOptions& options, Session& session) {
@@ -88,15 +58,63 @@ Status FuseRbf(const FuseOptions& options, Session& session) {
   }
   const auto config = LoadVariationalConfig(session, options.voxel_m);
   if (!config) return Forward(config);
+  const auto fill = LoadFillConfig(options.fill, session);
+  if (!fill) return Forward(fill);
   const auto views = LoadViews(options.views, session);
   if (!views) return Forward(views);
   auto fused = FuseVariational(*views, *config, session);
   if (!fused) return Fail("{}: {}", options.views.views, fused.error().message);
-  if (Status status = FillIfAsked(options, fused->surface, *views, session, fused->mesh); !status) {
-    return Fail("{}: {}", options.views.views, status.error().message);
+  if (*fill) {
+    auto filled = FillMesh(**fill, fused->surface, *views, session);
+    if (!filled) return Fail("{}: {}", options.views.views, filled.error().message);
+    fused->mesh = std::move(filled->mesh);
   }
   if (Status status = WriteMesh(fused->mesh, options.out); !status) return status;
   fmt::print("{}: {}\n", options.out, VariationalSummary(*fused));
+  return {};
+}
+
+Json SlabStageFigures(const SlabFigures& figures, double voxel_m) {
+  return Json()
+      .Set("num_views", figures.num_views)
+      .Set("num_points", figures.num_points)
+      .Set("voxel_m", voxel_m)
+      .Set("num_blocks", figures.num_blocks)
+      .Set("num_slabs", figures.num_slabs)
+      .Set("scratch_bytes", static_cast<std::size_t>(figures.scratch_bytes))
+      .Set("read_s", figures.read_s)
+      .Set("weigh_s", figures.weigh_s)
+      .Set("extract_s", figures.extract_s);
+}
+
+/// The same mesh without the model in memory.
+Status FuseInSlabs(const FuseOptions& options, Session& session) {
+  if (options.method != "gie" || !options.model.empty() || options.fill.Wanted()) {
+    return Fail("--slabs: makes a mesh alone: --method rbf, --model and holes do not apply");
+  }
+  const auto config = LoadFuseConfig(session, options.voxel_m);
+  if (!config) return Forward(config);
+  if (!config->voxel_is_given) return Fail("--slabs: needs --voxel, or voxel_m in fusion.yaml");
+  const auto list = ListViews(options.views, session);
+  if (!list) return Forward(list);
+  SlabJob job{config->fusion,
+              config->crop,
+              config->surface,
+              options.out,
+              std::filesystem::absolute(options.out).parent_path().string(),
+              0};
+  session.console.Begin("fuse", 1);
+  const ViewReader read = [&list](int index) { return list->read(index, NoProgress); };
+  const auto figures = FuseSlabs(job, list->count, read, session.console.Part(0));
+  if (!figures) return Fail("{}: {}", options.views.views, figures.error().message);
+  session.console.End();
+  session.figures.Set("fusion", SlabStageFigures(*figures, job.fusion.voxel_m));
+  session.figures.Set(
+      "mesh",
+      Json().Set("num_vertices", figures->num_vertices).Set("num_faces", figures->num_faces));
+  fmt::print("{}: {} views, {} points, voxel {:.3g} mm, {} slabs, {} vertices, {} faces\n",
+             options.out, figures->num_views, figures->num_points, job.fusion.voxel_m * 1e3,
+             figures->num_slabs, figures->num_vertices, figures->num_faces);
   return {};
 }
 
@@ -104,11 +122,13 @@ bool IsModel(const std::string& path) { return std::filesystem::path(path).exten
 
 /// The surface of a model that was saved.
 Status ExtractSaved(const FuseOptions& options, Session& session) {
-  if (options.voxel_m != 0.0 || !options.model.empty() || options.method != "gie") {
-    return Fail("--views {}: is a finished model: --voxel, --model and --method do not apply",
-                options.views.views);
+  if (options.voxel_m != 0.0 || !options.model.empty() || options.method != "gie" ||
+      options.slabs) {
+    return Fail(
+        "--views {}: is a finished model: --voxel, --model, --method and --slabs do not apply",
+        options.views.views);
   }
-  if (options.fill_holes || options.watertight) {
+  if (options.fill.Wanted()) {
     return Fail(
         "--views {}: a model does not know what its views saw as empty: fill holes from "
         "the views",
@@ -133,7 +153,7 @@ Status ExtractSaved(const FuseOptions& options, Session& session) {
 }
 
 Status Fuse(const FuseOptions& options, Session& session) {
-  if (Status status = CheckOutputFile(options.out, {".ply", ".stl", ".obj"}); !status) {
+  if (Status status = CheckOutputFile(options.out, {".ply", ".stl", ".obj", ".glb"}); !status) {
     return status;
   }
   if (IsModel(options.views.views)) return ExtractSaved(options, session);
@@ -141,15 +161,20 @@ Status Fuse(const FuseOptions& options, Session& session) {
     if (Status status = CheckOutputFile(options.model, {".vdb"}); !status) return status;
   }
   session.AdoptSettings(options.views.views);
+  if (options.slabs) return FuseInSlabs(options, session);
   if (options.method == "rbf") return FuseRbf(options, session);
   const auto config = LoadFuseConfig(session, options.voxel_m);
   if (!config) return Forward(config);
+  const auto fill = LoadFillConfig(options.fill, session);
+  if (!fill) return Forward(fill);
   const auto views = LoadViews(options.views, session);
   if (!views) return Forward(views);
   auto mesh = FuseToMesh(*views, *config, session);
   if (!mesh) return Fail("{}: {}", options.views.views, mesh.error().message);
-  if (Status status = FillIfAsked(options, mesh->model, *views, session, mesh->mesh); !status) {
-    return Fail("{}: {}", options.views.views, status.error().message);
+  if (*fill) {
+    auto filled = FillMesh(**fill, mesh->model, *views, session);
+    if (!filled) return Fail("{}: {}", options.views.views, filled.error().message);
+    mesh->mesh = std::move(filled->mesh);
   }
   if (Status status = WriteMesh(mesh->mesh, options.out); !status) return status;
   if (!options.model.empty()) {

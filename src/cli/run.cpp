@@ -1,10 +1,12 @@
 // fringe run: a scan folder -> range images, poses, mesh and report.
 #include <filesystem>
+#include <optional>
 #include <utility>
 
 #include "capture_figures.hpp"
 #include "command.hpp"
 #include "figures.hpp"
+#include "fill_option.hpp"
 #include "fringe_fusion/inspection/picture.hpp"
 #include "fringe_fusion/inspection/report.hpp"
 #include "fringe_fusion/io/file.hpp"
@@ -26,6 +28,7 @@ struct RunOptions {
   std::string out;
   double voxel_m = 0.0;
   bool keep_priors = false;
+  FillOptions fill;
 };
 
 /// Settings of every stage of the run.
@@ -33,6 +36,7 @@ struct RunConfig {
   ReconstructConfig reconstruct;
   RegistrationConfig registration;
   FuseConfig fuse;
+  std::optional<FillConfig> fill;  ///< none: holes stay open
 };
 
 /// What the stages hand on, and the page that tells of them.
@@ -64,6 +68,7 @@ void Declare(Command& command, RunOptions& options) {
       .TypeName("M");
   command.AddFlag("--no-registration", options.keep_priors,
                   "Fuse at the prior poses instead of registering the views");
+  DeclareFill(command, options.fill);
 }
 
 Result<RunConfig> LoadConfigs(const RunOptions& options, const Session& session) {
@@ -73,7 +78,9 @@ Result<RunConfig> LoadConfigs(const RunOptions& options, const Session& session)
   if (!registration) return Forward(registration);
   const auto fuse = LoadFuseConfig(session, options.voxel_m);
   if (!fuse) return Forward(fuse);
-  return RunConfig{*reconstruct, *registration, *fuse};
+  const auto fill = LoadFillConfig(options.fill, session);
+  if (!fill) return Forward(fill);
+  return RunConfig{*reconstruct, *registration, *fuse, *fill};
 }
 
 /// The two sides of a phase map: the projector column where it was coded, else the row.
@@ -199,11 +206,17 @@ Status WriteCloud(const Work& work, Session& session) {
 }
 
 Status FuseAll(Work& work, Session& session) {
-  const auto fused = FuseToMesh(work.views, work.config.fuse, session);
+  auto fused = FuseToMesh(work.views, work.config.fuse, session);
   if (!fused) return Fail("{}: {}", work.scan.path, fused.error().message);
+  work.report.tables.push_back(PointTable(fused->figures));
+  if (work.config.fill) {
+    auto filled = FillMesh(*work.config.fill, fused->model, work.views, session);
+    if (!filled) return Fail("{}: {}", work.scan.path, filled.error().message);
+    fused->mesh = std::move(filled->mesh);
+    work.report.tables.push_back(FillTable(filled->figures));
+  }
   const Mesh& mesh = fused->mesh;
   work.summary = FusionSummary(*fused) + work.summary;
-  work.report.tables.push_back(PointTable(fused->figures));
   work.report.tables.push_back(MeshTable(mesh));
   if (Status status = WriteMesh(mesh, (work.folder / "mesh.ply").string()); !status) return status;
   // A single view is best seen from its camera, a whole object obliquely from above.

@@ -37,19 +37,16 @@ RangeImage Complete(RangeImage range, const ViewsOptions& options,
   return has_normals ? range : EstimateNormals(range, config);
 }
 
-Result<std::vector<View>> LoadConf(const ViewsOptions& options, Session& session) {
+Result<ViewList> ListConf(const ViewsOptions& options, const Session& session) {
   const auto config = session.LoadStage<TriangulationConfig>("triangulation");
   if (!config) return Forward(config);
   const auto entries = ReadPosesConf(options.views);
   if (!entries) return Forward(entries);
   if (entries->empty()) return Fail("{}: names no scan", options.views);
-  const fs::path folder = fs::path(options.views).parent_path();
-  std::vector<View> views;
-  session.console.Begin("load", static_cast<int>(entries->size()));
-  for (const ConfEntry& entry : *entries) {
-    const int id = static_cast<int>(views.size());
-    if (!session.console.Part(id)("load", 0.0)) return Fail("{}", kCancelled);
-    const fs::path file = folder / entry.file;
+  const auto read = [options, config = *config, entries = *entries](
+                        int index, const Progress& /*progress*/) -> Result<View> {
+    const ConfEntry& entry = entries[static_cast<std::size_t>(index)];
+    const fs::path file = fs::path(options.views).parent_path() / entry.file;
     std::error_code error;
     // A scan of the live cell holds its frames only.
     if (!fs::exists(file, error) && fs::exists(file.parent_path() / "view.yaml", error)) {
@@ -60,16 +57,14 @@ Result<std::vector<View>> LoadConf(const ViewsOptions& options, Session& session
     Result<RangeImage> range = ReadRangeImage(file.string());
     if (!range) return Forward(range);
     View view;
-    view.id = id;
+    view.id = index;
     view.name = entry.file;
-    view.range = Complete(std::move(*range), options, *config);
+    view.range = Complete(std::move(*range), options, config);
     view.pose.T_object_camera = entry.T_object_camera;
     view.pose.source = PoseSource::kFile;
-    if (Status status = Validate(view); !status) return tl::unexpected(status.error());
-    views.push_back(std::move(view));
-  }
-  session.console.End();
-  return views;
+    return view;
+  };
+  return ViewList{static_cast<int>(entries->size()), read};
 }
 
 Result<RangeImage> LoadOrReconstruct(const ScanFolder& scan, int view_id,
@@ -83,30 +78,25 @@ Result<RangeImage> LoadOrReconstruct(const ScanFolder& scan, int view_id,
   return ReadRangeImage(file);
 }
 
-Result<std::vector<View>> LoadScanViews(const ViewsOptions& options, Session& session) {
+Result<ViewList> ListScan(const ViewsOptions& options, const Session& session) {
   const auto config = LoadReconstructConfig(session);
   if (!config) return Forward(config);
   const auto scan = OpenScan(options.views);
   if (!scan) return Forward(scan);
   const auto ids = SelectViews(*scan, -1);
   if (!ids) return Forward(ids);
-  std::vector<View> views;
-  session.console.Begin("load", static_cast<int>(ids->size()));
-  for (const int id : *ids) {
-    const Progress progress = session.console.Part(static_cast<int>(views.size()));
-    if (!progress("load", 0.0)) return Fail("{}", kCancelled);
+  const auto read = [options, config = *config, scan = *scan, ids = *ids](
+                        int index, const Progress& progress) -> Result<View> {
+    const int id = ids[static_cast<std::size_t>(index)];
     Result<Pose> pose = Pose{};
     pose->source = PoseSource::kFile;
-    if (!options.no_prior) pose = PriorPose(*scan, id);
+    if (!options.no_prior) pose = PriorPose(scan, id);
     if (!pose) return Forward(pose);
-    Result<RangeImage> range = LoadOrReconstruct(*scan, id, *config, progress);
+    Result<RangeImage> range = LoadOrReconstruct(scan, id, config, progress);
     if (!range) return Forward(range);
-    View view{id, ViewName(id), std::move(*range), *pose};
-    if (Status status = Validate(view); !status) return tl::unexpected(status.error());
-    views.push_back(std::move(view));
-  }
-  session.console.End();
-  return views;
+    return View{id, ViewName(id), std::move(*range), *pose};
+  };
+  return ViewList{static_cast<int>(ids->size()), read};
 }
 
 }  // namespace
@@ -223,15 +213,31 @@ std::string ViewName(int view_id) { return fmt::format("{:03}", view_id); }
 
 std::string RangeFile(int view_id) { return "views/" + ViewName(view_id) + "/range.ply"; }
 
-Result<std::vector<View>> LoadViews(const ViewsOptions& options, Session& session) {
+Result<ViewList> ListViews(const ViewsOptions& options, const Session& session) {
   const Eigen::Vector3d direction(options.line_of_sight.data());
   if (!direction.allFinite() || !(direction.norm() > 1e-9)) {
     return Fail("--line-of-sight {},{},{}: must be a direction", direction.x(), direction.y(),
                 direction.z());
   }
   if (!fs::exists(options.views)) return Fail("--views {}: does not exist", options.views);
-  return fs::is_directory(options.views) ? LoadScanViews(options, session)
-                                         : LoadConf(options, session);
+  return fs::is_directory(options.views) ? ListScan(options, session) : ListConf(options, session);
+}
+
+Result<std::vector<View>> LoadViews(const ViewsOptions& options, Session& session) {
+  const auto list = ListViews(options, session);
+  if (!list) return Forward(list);
+  std::vector<View> views;
+  session.console.Begin("load", list->count);
+  for (int i = 0; i < list->count; ++i) {
+    const Progress progress = session.console.Part(i);
+    if (!progress("load", 0.0)) return Fail("{}", kCancelled);
+    Result<View> view = list->read(i, progress);
+    if (!view) return Forward(view);
+    if (Status status = Validate(*view); !status) return tl::unexpected(status.error());
+    views.push_back(std::move(*view));
+  }
+  session.console.End();
+  return views;
 }
 
 }  // namespace fringe_fusion::cli

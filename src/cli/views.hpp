@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -67,6 +68,14 @@ struct Reconstruction {
 
 /// Name of a view in files and messages, e.g. "003".
 [[nodiscard]] std::string ViewName(int view_id);
+
+/// Views that are read one at a time.
+struct ViewList {
+  int count = 0;
+  std::function<Result<View>(int index, const Progress& progress)> read;
+};
+/// What LoadViews loads.
+[[nodiscard]] Result<ViewList> ListViews(const ViewsOptions& options, const Session& session);
 
 /// Loads range images with their poses: those of a POSES.conf, or those of a scan folder, where a
 /// view without range.ply is reconstructed from its frames.

@@ -189,6 +189,22 @@ TEST_F(Commands, FuseSavesAModelThatGivesTheMeshAgain) {
   EXPECT_NE(unknown.err.find("fill holes from the views"), std::string::npos) << unknown.err;
 }
 
+TEST_F(Commands, FuseInSlabsMakesTheSameMesh) {
+  const std::vector<std::string> common{"fuse",         "--views", Path("scan"), "--config",
+                                        Path("config"), "--voxel", "0.002"};
+  const auto fuse = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), common.begin(), common.end());
+    return RunFringe(more);
+  };
+  ExpectSuccess(fuse({"--out", Path("whole.ply")}));
+  ExpectSuccess(fuse({"--out", Path("slabs.ply"), "--slabs", "--json", Path("slabs.json")}));
+  EXPECT_EQ(ReadBytes(Path("whole.ply")), ReadBytes(Path("slabs.ply")));
+  EXPECT_GE(Figure(Path("slabs.json"), "num_slabs"), 1.0);
+  const Outcome refused = fuse({"--out", Path("slabs.ply"), "--slabs", "--watertight"});
+  EXPECT_NE(refused.exit_status, 0);
+  EXPECT_NE(refused.err.find("--slabs"), std::string::npos) << refused.err;
+}
+
 TEST_F(Commands, FuseClosesHolesAndFlagsTheirFaces) {
   ExpectSuccess(RunFringe({"fuse", "--views", Path("scan"), "--out", Path("closed.ply"), "--json",
                            Path("closed.json"), "--config", Path("config"), "--watertight"}));
@@ -261,13 +277,23 @@ TEST_F(Commands, RunDoesAllStages) {
   }
 }
 
-TEST_F(Commands, RunTakesTheCameraFrameOfASingleViewWithoutPrior) {
+TEST_F(Commands, RunClosesHolesAndTakesTheCameraFrameOfASingleView) {
   const std::string scan = CopyScan("single");
   for (const char* view : {"001", "002", "003"}) fs::remove_all(scan + "/views/" + view);
   RemovePrior(scan + "/views/000/view.yaml");
-  ExpectSuccess(RunFringe({"run", "--scan", scan, "--out", Path("run_single")}));
-  EXPECT_NE(ReadBytes(Path("run_single/report.html")).find("camera frame is the object frame"),
-            std::string::npos);
+  ExpectSuccess(RunFringe({"run", "--scan", scan, "--out", Path("run_single"), "--watertight",
+                           "--json", Path("run_single.json")}));
+  const std::string report = ReadBytes(Path("run_single/report.html"));
+  for (const char* words : {"camera frame is the object frame", "faces that close them"}) {
+    EXPECT_NE(report.find(words), std::string::npos) << words;
+  }
+  EXPECT_EQ(Figure(Path("run_single.json"), "num_open_edges"), 0.0);
+  const auto mesh = ReadMesh(Path("run_single/mesh.ply"));
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  double num_filled = 0.0;
+  for (const std::uint8_t flag : mesh->filled_faces) num_filled += flag;
+  EXPECT_GT(num_filled, 0.0);
+  EXPECT_EQ(num_filled, Figure(Path("run_single.json"), "num_filled_faces"));
 }
 
 TEST_F(Commands, SettingsMayStateOnlyWhatDiffers) {
