@@ -399,6 +399,7 @@ Status CellNode::ExtractMesh(Run& run, std::uint32_t pose_revision) {
   request.num_views = static_cast<std::uint32_t>(run.job.num_views);
   request.pose_revision = pose_revision;
   request.timeout = ros::Duration(config_.process_timeout_s);
+  request.fill_holes = static_cast<std::uint8_t>(config_.fill_holes);
   auto surface =
       ros_io::CallService<ExtractSurface>(nh_, "extract_mesh", request, config_.extract_timeout_s);
   if (!surface) {

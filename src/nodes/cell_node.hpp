@@ -39,6 +39,7 @@ struct CellNodeConfig {
   double process_timeout_s = 60.0;  ///< from the last frame of a view until it is in the model
   double optimize_timeout_s = 300.0;
   double extract_timeout_s = 300.0;
+  bool fill_holes = false;  ///< close the holes of the mesh
 
   template <typename Visitor>
   void Visit(Visitor&& field) {
@@ -54,6 +55,7 @@ struct CellNodeConfig {
     field("process_timeout_s", process_timeout_s, 0.1, 3600.0);
     field("optimize_timeout_s", optimize_timeout_s, 0.1, 86400.0);
     field("extract_timeout_s", extract_timeout_s, 0.1, 86400.0);
+    field("fill_holes", fill_holes);
   }
 };
 

@@ -40,6 +40,8 @@ Result<std::unique_ptr<FusionNode>> FusionNode::Create(ros::NodeHandle nh,
   if (!node) return Forward(node);
   const auto surface = ros_io::LoadConfig<SurfaceConfig>(ros::NodeHandle(private_nh, "surface"));
   if (!surface) return Forward(surface);
+  const auto fill = ros_io::LoadConfig<FillConfig>(ros::NodeHandle(private_nh, "fill"));
+  if (!fill) return Forward(fill);
   const auto fusion = ros_io::LoadConfig<FusionConfig>(ros::NodeHandle(private_nh, "fusion"));
   if (!fusion) return Forward(fusion);
   const auto crop = ros_io::LoadConfig<CropConfig>(ros::NodeHandle(private_nh, "crop"));
@@ -49,13 +51,16 @@ Result<std::unique_ptr<FusionNode>> FusionNode::Create(ros::NodeHandle nh,
   if (!occupancy) return Forward(occupancy);
   Result<ScanModel> model = ScanModel::Create({*fusion, *crop, *occupancy});
   if (!model) return Forward(model);
-  return std::unique_ptr<FusionNode>(
-      new FusionNode(std::move(nh), std::move(private_nh), *node, *surface, std::move(*model)));
+  return std::unique_ptr<FusionNode>(new FusionNode(
+      std::move(nh), std::move(private_nh), Setup{*node, *surface, *fill}, std::move(*model)));
 }
 
-FusionNode::FusionNode(ros::NodeHandle nh, ros::NodeHandle private_nh, FusionNodeConfig config,
-                       SurfaceConfig surface, ScanModel model)
-    : config_(std::move(config)), surface_(surface), nh_(std::move(nh)), model_(std::move(model)) {
+FusionNode::FusionNode(ros::NodeHandle nh, ros::NodeHandle private_nh, Setup setup, ScanModel model)
+    : config_(std::move(setup.node)),
+      surface_(setup.surface),
+      fill_(setup.fill),
+      nh_(std::move(nh)),
+      model_(std::move(model)) {
   state_publisher_ = nh_.advertise<StageState>("model_state", 1, /*latch=*/true);
   status_publisher_ = nh_.advertise<ViewStatus>("view_status", 100);
   mesh_publisher_ = nh_.advertise<visualization_msgs::Marker>("mesh", 1, /*latch=*/true);
@@ -183,6 +188,8 @@ bool FusionNode::OnExtract(ExtractSurface::Request& request, ExtractSurface::Res
   response.num_views = static_cast<std::uint32_t>(model_.ViewIds().size());
   response.num_vertices = static_cast<std::uint32_t>(mesh->vertices.size());
   response.num_faces = static_cast<std::uint32_t>(mesh->faces.size());
+  response.num_filled_faces = static_cast<std::uint32_t>(
+      std::count(mesh->filled_faces.begin(), mesh->filled_faces.end(), 1));
   response.num_dropped = static_cast<std::uint32_t>(model_.TotalCounts().num_dropped);
   PublishMesh(*mesh);
   PublishCells();
@@ -201,7 +208,14 @@ Result<Mesh> FusionNode::Extract(const ExtractSurface::Request& request) {
         model_.ViewIds().size(), request.num_views, model_.scan_id(), model_.revision(),
         request.scan_id, request.pose_revision, timeout_s);
   }
-  return ExtractMesh(model_.model(), surface_);
+  if (request.fill_holes == 0 && request.watertight == 0) {
+    return ExtractMesh(model_.model(), surface_);
+  }
+  FillConfig fill = fill_;
+  if (request.watertight != 0) fill.watertight = true;
+  Result<FilledSurface> filled = model_.Fill(fill, surface_);
+  if (!filled) return Forward(filled);
+  return std::move(filled->mesh);
 }
 
 bool FusionNode::Holds(const ExtractSurface::Request& request) const {

@@ -17,11 +17,12 @@
 
 #include "fringe_fusion/common/result.hpp"
 #include "fringe_fusion/surface/extract_mesh.hpp"
+#include "fringe_fusion/surface/fill_holes.hpp"
 #include "nodes/scan_model.hpp"
 
 namespace fringe_fusion::nodes {
 
-/// Parameters of fusion_node beside `fusion`, `crop`, `occupancy` and `surface`.
+/// Parameters of fusion_node beside `fusion`, `crop`, `occupancy`, `surface` and `fill`.
 struct FusionNodeConfig {
   std::string object_frame = "object";
   int max_marker_faces = 200000;   ///< the mesh marker is thinned to this for display
@@ -44,8 +45,12 @@ class FusionNode {
                                                                   ros::NodeHandle private_nh);
 
  private:
-  FusionNode(ros::NodeHandle nh, ros::NodeHandle private_nh, FusionNodeConfig config,
-             SurfaceConfig surface, ScanModel model);
+  struct Setup {
+    FusionNodeConfig node;
+    SurfaceConfig surface;
+    FillConfig fill;
+  };
+  FusionNode(ros::NodeHandle nh, ros::NodeHandle private_nh, Setup setup, ScanModel model);
 
   void OnView(const RangeView& message);
   void OnPoses(const ViewPoses& message);
@@ -71,6 +76,7 @@ class FusionNode {
 
   FusionNodeConfig config_;
   SurfaceConfig surface_;
+  FillConfig fill_;
   ros::NodeHandle nh_;
 
   std::mutex mutex_;  ///< guards the three below

@@ -108,6 +108,21 @@ ScanModel::Counts ScanModel::TotalCounts() const {
   return total;
 }
 
+Result<FilledSurface> ScanModel::Fill(const FillConfig& fill, const SurfaceConfig& surface) const {
+  std::vector<const View*> views;
+  for (const int id : model_.ViewIds()) {
+    const auto found = entries_.find(id);
+    if (found == entries_.end()) {
+      return Fail(
+          "view {} came with a saved model: nobody knows what it saw as empty, so holes stay open "
+          "until it is integrated again",
+          id);
+    }
+    views.push_back(&found->second.view);
+  }
+  return FillHoles(model_, views, fill, surface);
+}
+
 Result<OccupancyMap> ScanModel::Occupancy() const {
   Result<OccupancyMap> map = OccupancyMap::Create(configs_.occupancy);
   if (!map) return map;

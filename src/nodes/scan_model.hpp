@@ -10,6 +10,7 @@
 #include "fringe_fusion/fusion/model_file.hpp"
 #include "fringe_fusion/planning/occupancy_map.hpp"
 #include "fringe_fusion/registration/register_views.hpp"
+#include "fringe_fusion/surface/fill_holes.hpp"
 
 namespace fringe_fusion::nodes {
 
@@ -45,6 +46,10 @@ class ScanModel {
   [[nodiscard]] std::vector<int> ViewIds() const { return model_.ViewIds(); }
   [[nodiscard]] Counts TotalCounts() const;
   [[nodiscard]] const ImplicitModel& model() const { return model_; }
+  /// The surface with its holes closed where no view saw that space is empty.
+  /// @return error of the filling, or when a view is known by its id alone.
+  [[nodiscard]] Result<FilledSurface> Fill(const FillConfig& fill,
+                                           const SurfaceConfig& surface) const;
   /// Free and occupied space of the views at their present poses.
   [[nodiscard]] Result<OccupancyMap> Occupancy() const;
 

@@ -7,6 +7,7 @@
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "fringe_fusion/inspection/compare.hpp"
@@ -158,6 +159,27 @@ TEST_F(Scan, ASavedModelGoesOnInAnotherNode) {
   const Result<std::string> again = ReadFile(extract.path);
   ASSERT_TRUE(live && again);
   EXPECT_TRUE(*live == *again);
+  // What the views of a loaded model saw as empty is lost with them.
+  extract.watertight = 1;
+  const auto closed = ros_io::CallService<ExtractSurface>(other, "extract_mesh", extract, 60.0);
+  ASSERT_FALSE(closed);
+  EXPECT_NE(closed.error().message.find("came with a saved model"), std::string::npos)
+      << closed.error().message;
+}
+
+TEST_F(Scan, ClosesHolesOnRequest) {
+  const ros::NodeHandle nh;
+  ExtractSurface::Request extract;
+  extract.path = *folder_ / "closed.ply";
+  extract.num_views = kNumViews;
+  extract.watertight = 1;
+  const auto surface = ros_io::CallService<ExtractSurface>(nh, "extract_mesh", extract, 60.0);
+  ASSERT_TRUE(surface) << surface.error().message;
+  EXPECT_GT(surface->num_filled_faces, 0U);
+  const Result<Mesh> mesh = ReadMesh(extract.path);
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  EXPECT_EQ(std::count(mesh->filled_faces.begin(), mesh->filled_faces.end(), 1),
+            static_cast<std::ptrdiff_t>(surface->num_filled_faces));
 }
 
 }  // namespace
