@@ -101,6 +101,9 @@ void AddCommand(Tool& tool, const std::string& name, const std::string& descript
 void AddPatterns(Tool& tool);
 void AddTarget(Tool& tool);
 void AddCalibrate(Tool& tool);
+void AddHandEye(Tool& tool);
+void AddTurntable(Tool& tool);
+void AddRecalibrate(Tool& tool);
 void AddSimulate(Tool& tool);
 void AddDecode(Tool& tool);
 void AddReconstruct(Tool& tool);

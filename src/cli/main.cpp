@@ -36,6 +36,9 @@ void Describe(Tool& tool) {
   AddPatterns(tool);
   AddTarget(tool);
   AddCalibrate(tool);
+  AddHandEye(tool);
+  AddTurntable(tool);
+  AddRecalibrate(tool);
   AddSimulate(tool);
   AddDecode(tool);
   AddReconstruct(tool);
