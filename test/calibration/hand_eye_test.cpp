@@ -132,8 +132,10 @@ TEST_F(HandEye, PointsOfTheTargetTellIt) {
 
 TEST_F(HandEye, BadPosesAreLeftOutWithTheirReason) {
   Read(14, kRobotNoise, kTargetNoise, 31);
-  robot_[2].T_base_flange = robot_[2].T_base_flange * TransformOf({0.0, 1.0, 0.0}, {});
-  robot_[7].T_base_flange = robot_[7].T_base_flange * TransformOf({}, {0.004, 0.0, 0.0});
+  robot_[2].T_base_flange =
+      robot_[2].T_base_flange * TransformOf({0.0, 1.0, 0.0}, Eigen::Vector3d::Zero());
+  robot_[7].T_base_flange =
+      robot_[7].T_base_flange * TransformOf(Eigen::Vector3d::Zero(), {0.004, 0.0, 0.0});
   std::swap(robot_[10].T_base_flange, robot_[11].T_base_flange);
   const auto result = Calibrate();
   ASSERT_TRUE(result) << result.error().message;

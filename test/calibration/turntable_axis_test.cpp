@@ -170,7 +170,8 @@ TEST_F(TurntableTest, RefusesASmallArc) {
 TEST_F(TurntableTest, RefusesAMotionThatIsNoRotation) {
   stops_ = TableStops(6, 300.0);
   for (int k = 0; k < 6; ++k) {
-    targets_.push_back(scene_.T_camera_base * TransformOf({20.0 * k, 9.0 * k * k, 60.0 * k}, {}) *
+    targets_.push_back(scene_.T_camera_base *
+                       TransformOf({20.0 * k, 9.0 * k * k, 60.0 * k}, Eigen::Vector3d::Zero()) *
                        scene_.T_table_target);
   }
   ExpectRefused({"no rotation about one axis", "limit 2 deg"});
