@@ -175,8 +175,13 @@ Status CellSimNode::UpdatePose() {
   }
   const Result<Transform> T_object_camera = ros_io::FromMessage(message.transform);
   if (!T_object_camera) return tl::unexpected<Error>(T_object_camera.error());
-  if (T_object_camera_ && SamePose(*T_object_camera_, *T_object_camera)) return {};
-  pose_index_ = joint_state ? PoseIndex(joint_state->position) : 0;
+  // The pose may be known before the first joint state, which names the stop.
+  const int pose_index = joint_state ? PoseIndex(joint_state->position) : 0;
+  if (T_object_camera_ && SamePose(*T_object_camera_, *T_object_camera) &&
+      pose_index == pose_index_) {
+    return {};
+  }
+  pose_index_ = pose_index;
   frame_index_ = 0;
   T_object_camera_.reset();
   if (Status status = cell_.MoveTo(*T_object_camera, pose_index_); !status) return status;
