@@ -4,9 +4,9 @@
 
 #include "command.hpp"
 #include "fringe_fusion/calibration/calibrate_cell.hpp"
-#include "fringe_fusion/calibration/sighting_from_scan.hpp"
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/file.hpp"
+#include "sighting_config.hpp"
 #include "views.hpp"
 
 namespace fringe_fusion::cli {
@@ -70,14 +70,8 @@ std::string DateOf(std::int64_t stamp_ns) {
 }
 
 Result<Seen> LookAtDataset(const CalibrateOptions& options, Session& session) {
-  SightingConfig config;
-  const auto phase = session.LoadStage<PhaseConfig>("phase");
-  if (!phase) return Forward(phase);
-  const auto detect = session.LoadStage<DetectConfig>("detect");
-  if (!detect) return Forward(detect);
-  const auto transfer = session.LoadStage<TransferConfig>("transfer");
-  if (!transfer) return Forward(transfer);
-  config = {*phase, *detect, *transfer};
+  const auto stages = LoadSightingConfig(session);
+  if (!stages) return Forward(stages);
   const auto target = LoadTarget(options.target);
   if (!target) return Forward(target);
   const auto scan = OpenUncalibratedScan(options.dataset);
@@ -101,7 +95,7 @@ Result<Seen> LookAtDataset(const CalibrateOptions& options, Session& session) {
                   stack->camera_id, seen.camera_serial);
     }
     if (seen.date.empty()) seen.date = DateOf(stack->frames.front().stamp_ns);
-    auto sighting = SightTarget(*stack, *target, config, "view " + ViewName(id));
+    auto sighting = SightTarget(*stack, *target, *stages, "view " + ViewName(id));
     if (sighting) {
       seen.file.sightings.push_back(std::move(*sighting));
     } else {

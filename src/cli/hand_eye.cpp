@@ -5,10 +5,10 @@
 #include "command.hpp"
 #include "common/constants.hpp"
 #include "device_figures.hpp"
-#include "fringe_fusion/calibration/sighting_from_scan.hpp"
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/device_files.hpp"
 #include "fringe_fusion/io/image_io.hpp"
+#include "sighting_config.hpp"
 
 namespace fringe_fusion::cli {
 namespace {
@@ -102,13 +102,9 @@ class StationEye {
   static Result<StationEye> Open(const HandEyeOptions& options, const TargetView& view,
                                  Session& session) {
     StationEye eye(view, options.dataset);
-    const auto phase = session.LoadStage<PhaseConfig>("phase");
-    if (!phase) return Forward(phase);
-    const auto detect = session.LoadStage<DetectConfig>("detect");
-    if (!detect) return Forward(detect);
-    const auto transfer = session.LoadStage<TransferConfig>("transfer");
-    if (!transfer) return Forward(transfer);
-    eye.config_ = {*phase, *detect, *transfer};
+    const auto stages = LoadSightingConfig(session);
+    if (!stages) return Forward(stages);
+    eye.config_ = *stages;
     return eye;
   }
 

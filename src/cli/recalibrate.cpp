@@ -4,8 +4,8 @@
 
 #include "command.hpp"
 #include "fringe_fusion/calibration/drift.hpp"
-#include "fringe_fusion/calibration/sighting_from_scan.hpp"
 #include "fringe_fusion/io/calibration_files.hpp"
+#include "sighting_config.hpp"
 
 namespace fringe_fusion::cli {
 namespace {
@@ -59,17 +59,13 @@ Result<OneSighting> LookOnce(const RecalibrateOptions& options, Session& session
     return OneSighting{file->target, std::move(file->sightings.front())};
   }
   if (options.target.empty()) return Fail("--target: is required with --dataset");
-  const auto phase = session.LoadStage<PhaseConfig>("phase");
-  if (!phase) return Forward(phase);
-  const auto detect = session.LoadStage<DetectConfig>("detect");
-  if (!detect) return Forward(detect);
-  const auto transfer = session.LoadStage<TransferConfig>("transfer");
-  if (!transfer) return Forward(transfer);
+  const auto stages = LoadSightingConfig(session);
+  if (!stages) return Forward(stages);
   const auto target = LoadTarget(options.target);
   if (!target) return Forward(target);
   const auto scan = OpenUncalibratedScan(options.dataset);
   if (!scan) return Forward(scan);
-  auto sighting = ReadCalibrationPose(*scan, options.view, *target, {*phase, *detect, *transfer});
+  auto sighting = ReadCalibrationPose(*scan, options.view, *target, *stages);
   if (!sighting) return Forward(sighting);
   return OneSighting{*target, std::move(*sighting)};
 }

@@ -4,10 +4,10 @@
 #include "command.hpp"
 #include "common/constants.hpp"
 #include "device_figures.hpp"
-#include "fringe_fusion/calibration/sighting_from_scan.hpp"
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/device_files.hpp"
 #include "fringe_fusion/registration/register_views.hpp"
+#include "sighting_config.hpp"
 #include "views.hpp"
 
 namespace fringe_fusion::cli {
@@ -150,12 +150,8 @@ Result<std::vector<TurntableStop>> StopsOfViews(const TurntableOptions& options,
 Result<TurntableResult> FromDataset(const TurntableOptions& options, const TurntableConfig& config,
                                     Session& session) {
   if (options.target.empty()) return Fail("--target: is required with --dataset");
-  const auto phase = session.LoadStage<PhaseConfig>("phase");
-  if (!phase) return Forward(phase);
-  const auto detect = session.LoadStage<DetectConfig>("detect");
-  if (!detect) return Forward(detect);
-  const auto transfer = session.LoadStage<TransferConfig>("transfer");
-  if (!transfer) return Forward(transfer);
+  const auto stages = LoadSightingConfig(session);
+  if (!stages) return Forward(stages);
   const auto target = LoadTarget(options.target);
   if (!target) return Forward(target);
   const auto devices = ReadRig(
@@ -171,7 +167,7 @@ Result<TurntableResult> FromDataset(const TurntableOptions& options, const Turnt
     const int id = scan->view_ids[i];
     const auto stack = ReadStack(*scan, id);
     if (!stack) return Forward(stack);
-    auto sighting = SightTarget(*stack, *target, {*phase, *detect, *transfer}, ViewName(id));
+    auto sighting = SightTarget(*stack, *target, *stages, ViewName(id));
     if (!sighting) {
       fmt::print("skipped: {}\n", sighting.error().message);
       continue;
