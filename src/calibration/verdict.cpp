@@ -3,54 +3,21 @@
 #include <limits>
 
 #include "cell_run.hpp"
+#include "coverage_grid.hpp"
 #include "fringe_fusion/calibration/error_field.hpp"
 
 namespace fringe_fusion::bundle {
 namespace {
 
-constexpr int kGridColumns = 8;
-constexpr int kGridRows = 6;
 constexpr double kRadDeg = 180.0 / 3.14159265358979323846;
 
-/// Which cells of a device's image hold a point.
-std::vector<bool> FilledCells(const CellRun& run, std::size_t device) {
+CoverageGrid FilledCells(const CellRun& run, std::size_t device) {
   const CameraModel& model = run.state.devices[device];
-  std::vector<bool> filled(static_cast<std::size_t>(kGridColumns * kGridRows), false);
+  CoverageGrid grid(model.width, model.height);
   for (const Station& station : run.problem.stations()) {
-    for (const Observation& seen : station.seen[device]) {
-      const int column = static_cast<int>((seen.pixel.x() + 0.5) * kGridColumns / model.width);
-      const int row = static_cast<int>((seen.pixel.y() + 0.5) * kGridRows / model.height);
-      if (column < 0 || row < 0 || column >= kGridColumns || row >= kGridRows) continue;
-      filled[static_cast<std::size_t>(row * kGridColumns + column)] = true;
-    }
+    for (const Observation& seen : station.seen[device]) grid.Add(seen.pixel);
   }
-  return filled;
-}
-
-/// Quarters of the image of which most cells are empty, in words.
-std::string EmptyQuarters(const std::vector<bool>& filled, const std::string& device) {
-  std::string gaps;
-  for (const bool lower : {false, true}) {
-    for (const bool right : {false, true}) {
-      int empty = 0;
-      for (int row = 0; row < kGridRows / 2; ++row) {
-        for (int column = 0; column < kGridColumns / 2; ++column) {
-          const int y = row + (lower ? kGridRows / 2 : 0);
-          const int x = column + (right ? kGridColumns / 2 : 0);
-          if (!filled[static_cast<std::size_t>(y * kGridColumns + x)]) ++empty;
-        }
-      }
-      if (2 * empty <= kGridRows * kGridColumns / 4) continue;
-      gaps += fmt::format("{}the {} {} of the {} image is hardly covered", gaps.empty() ? "" : "; ",
-                          lower ? "lower" : "upper", right ? "right" : "left", device);
-    }
-  }
-  return gaps;
-}
-
-double Ratio(const std::vector<bool>& filled) {
-  return static_cast<double>(std::count(filled.begin(), filled.end(), true)) /
-         static_cast<double>(filled.size());
+  return grid;
 }
 
 void Join(std::string& text, const std::string& more) {
@@ -120,10 +87,10 @@ double MaxTiltDeg(const CellRun& run) {
 
 Coverage AssessCoverage(const CellRun& run) {
   Coverage coverage;
-  const std::vector<bool> camera = FilledCells(run, kCamera);
-  const std::vector<bool> projector = FilledCells(run, kProjector);
-  coverage.camera_ratio = Ratio(camera);
-  coverage.projector_ratio = Ratio(projector);
+  const CoverageGrid camera = FilledCells(run, kCamera);
+  const CoverageGrid projector = FilledCells(run, kProjector);
+  coverage.camera_ratio = camera.Ratio();
+  coverage.projector_ratio = projector.Ratio();
   coverage.max_tilt_deg = MaxTiltDeg(run);
   double low = std::numeric_limits<double>::infinity();
   double high = 0.0;
@@ -142,10 +109,10 @@ Coverage AssessCoverage(const CellRun& run) {
   }
   coverage.depth_ratio = count > 0.0 ? (high - low) / (sum / count) : 0.0;
   if (coverage.camera_ratio < run.config.min_coverage_ratio) {
-    Join(coverage.gaps, EmptyQuarters(camera, "camera"));
+    Join(coverage.gaps, camera.EmptyQuarters("camera"));
   }
   if (coverage.projector_ratio < run.config.min_coverage_ratio) {
-    Join(coverage.gaps, EmptyQuarters(projector, "projector"));
+    Join(coverage.gaps, projector.EmptyQuarters("projector"));
   }
   if (coverage.max_tilt_deg < 3.0 * run.config.min_tilt_deg) {
     Join(coverage.gaps,

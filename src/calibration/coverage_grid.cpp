@@ -1,0 +1,40 @@
+#include "coverage_grid.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace fringe_fusion {
+
+void CoverageGrid::Add(const Eigen::Vector2d& pixel) {
+  const double column = std::floor((pixel.x() + 0.5) * kColumns / width_);
+  const double row = std::floor((pixel.y() + 0.5) * kRows / height_);
+  if (!(column >= 0.0 && row >= 0.0 && column < kColumns && row < kRows)) return;
+  filled_[static_cast<std::size_t>(row) * kColumns + static_cast<std::size_t>(column)] = true;
+}
+
+double CoverageGrid::Ratio() const {
+  return static_cast<double>(std::count(filled_.begin(), filled_.end(), true)) /
+         static_cast<double>(filled_.size());
+}
+
+std::string CoverageGrid::EmptyQuarters(const std::string& device) const {
+  std::string gaps;
+  for (const bool lower : {false, true}) {
+    for (const bool right : {false, true}) {
+      int empty = 0;
+      for (int row = 0; row < kRows / 2; ++row) {
+        for (int column = 0; column < kColumns / 2; ++column) {
+          if (!Holds(column + (right ? kColumns / 2 : 0), row + (lower ? kRows / 2 : 0))) ++empty;
+        }
+      }
+      if (2 * empty <= kRows * kColumns / 4) continue;
+      gaps += fmt::format("{}the {} {} of the {} image is hardly covered", gaps.empty() ? "" : "; ",
+                          lower ? "lower" : "upper", right ? "right" : "left", device);
+    }
+  }
+  return gaps;
+}
+
+}  // namespace fringe_fusion
