@@ -1,12 +1,13 @@
 // fringe calibrate: a folder of scans of a target -> cell.yaml with covariance and a verdict.
-#include <ctime>
 #include <filesystem>
 
 #include "command.hpp"
 #include "fringe_fusion/calibration/calibrate_cell.hpp"
+#include "fringe_fusion/inspection/calibration_report.hpp"
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "sighting_config.hpp"
+#include "staged_folder.hpp"
 #include "views.hpp"
 
 namespace fringe_fusion::cli {
@@ -19,6 +20,7 @@ struct CalibrateOptions {
   std::string save_sightings;
   std::string out;
   std::string camera_info;
+  std::string report;
   bool force = false;
 };
 
@@ -46,6 +48,12 @@ void Declare(Command& command, CalibrateOptions& options) {
           "--camera-info", options.camera_info,
           "Folder for camera.yaml and projector.yaml as camera_info_manager of ROS loads them")
       .TypeName("DIR");
+  command
+      .AddOption(
+          "--report", options.report,
+          "Folder for report.html with residuals, coverage, error field and parameters; also "
+          "for a calibration that the verdict rejects")
+      .TypeName("DIR");
   command.AddFlag("--force", options.force,
                   "Write a calibration that the verdict rejects; else an earlier one stays");
 }
@@ -57,17 +65,6 @@ struct Seen {
   std::string camera_serial;
   std::string date;
 };
-
-/// UTC, ISO 8601; empty for a stamp that is not known.
-std::string DateOf(std::int64_t stamp_ns) {
-  if (stamp_ns <= 0) return {};
-  const std::time_t seconds = stamp_ns / 1'000'000'000;
-  std::tm utc{};
-  std::array<char, 32> text{};
-  if (gmtime_r(&seconds, &utc) == nullptr) return {};
-  (void)std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text.data();
-}
 
 Result<Seen> LookAtDataset(const CalibrateOptions& options, Session& session) {
   const auto stages = LoadSightingConfig(session);
@@ -94,7 +91,7 @@ Result<Seen> LookAtDataset(const CalibrateOptions& options, Session& session) {
       return Fail("{}: camera_id '{}' differs from '{}' of the views before", ViewFolder(*scan, id),
                   stack->camera_id, seen.camera_serial);
     }
-    if (seen.date.empty()) seen.date = DateOf(stack->frames.front().stamp_ns);
+    if (seen.date.empty()) seen.date = UtcDate(stack->frames.front().stamp_ns);
     auto sighting = SightTarget(*stack, *target, *stages, "view " + ViewName(id));
     if (sighting) {
       seen.file.sightings.push_back(std::move(*sighting));
@@ -211,6 +208,17 @@ Status Write(const CalibrateOptions& options, const CellCalibrationResult& resul
   return WriteCalibratedCell(result, options.out);
 }
 
+Status WriteResultReport(const CalibrateOptions& options, const CellCalibrationResult& result,
+                         const std::vector<std::string>& skipped) {
+  if (options.report.empty()) return {};
+  auto folder = StagedFolder::Create(options.report);
+  if (!folder) return tl::unexpected(folder.error());
+  if (Status status = WriteCalibrationReport(result, skipped, folder->path()); !status) {
+    return status;
+  }
+  return folder->Commit();
+}
+
 Status Calibrate(const CalibrateOptions& options, Session& session) {
   if (Status status = CheckOutputFile(options.out, {".yaml"}); !status) return status;
   if (!options.save_sightings.empty()) {
@@ -239,6 +247,8 @@ Status Calibrate(const CalibrateOptions& options, Session& session) {
   result->calibration.date = seen->date;
   Print(*result, seen->skipped);
   SetFigures(*result, seen->skipped.size(), session.figures);
+  // A rejected calibration is what one wants to look at.
+  if (Status status = WriteResultReport(options, *result, seen->skipped); !status) return status;
   if (!result->verdict.accepted && !options.force) {
     return Fail("{}: not written, {} (--force writes it all the same)", options.out,
                 fmt::join(result->verdict.reasons, "; "));

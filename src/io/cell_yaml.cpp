@@ -1,5 +1,8 @@
 #include "cell_yaml.hpp"
 
+#include <array>
+#include <ctime>
+
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/file.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
@@ -111,6 +114,16 @@ Result<CellCalibration> ReadCellCalibration(const std::string& path) {
 Status WriteCellCalibration(const CellCalibration& calibration, const std::string& path) {
   if (Status status = Validate(calibration, path); !status) return status;
   return WriteText(CellYaml(calibration), path);
+}
+
+std::string UtcDate(std::int64_t stamp_ns) {
+  if (stamp_ns <= 0) return {};
+  const std::time_t seconds = stamp_ns / 1'000'000'000;
+  std::tm utc{};
+  std::array<char, 32> text{};
+  if (gmtime_r(&seconds, &utc) == nullptr) return {};
+  (void)std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text.data();
 }
 
 Status WriteCalibratedCell(const CellCalibrationResult& result, const std::string& path) {

@@ -136,9 +136,9 @@ SightingsFile SceneSightings() {
 
 TEST_F(CalibrationCommands, CalibrateSolvesSightings) {
   ASSERT_TRUE(SaveSightings(SceneSightings(), Path("s.yaml")));
-  const Outcome outcome =
-      RunFringe({"calibrate", "--sightings", Path("s.yaml"), "--out", Path("cell.yaml"),
-                 "--camera-info", Path("info"), "--json", Path("c.json")});
+  const Outcome outcome = RunFringe({"calibrate", "--sightings", Path("s.yaml"), "--out",
+                                     Path("cell.yaml"), "--camera-info", Path("info"), "--report",
+                                     Path("report"), "--json", Path("c.json")});
   ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("accepted: 6 of 6 poses"), std::string::npos) << outcome.out;
   const auto cell = ReadCellCalibration(Path("cell.yaml"));
@@ -149,6 +149,10 @@ TEST_F(CalibrationCommands, CalibrateSolvesSightings) {
   EXPECT_NEAR(cell->projector.cy, 700.0, 6.0 * std::sqrt((*covariance)(12, 12)));
   EXPECT_NEAR(cell->T_projector_camera.translation().x(), -0.2, 5e-4);
   EXPECT_TRUE(fs::exists(Path("info/projector.yaml")));
+  const std::string page = ReadBytes(Path("report/report.html"));
+  EXPECT_NE(page.find("accepted: 6 of 6 poses"), std::string::npos);
+  EXPECT_NE(page.find("<td>projector cy</td>"), std::string::npos);
+  EXPECT_TRUE(fs::exists(Path("report/error_field.png")));
   EXPECT_NE(ReadBytes(Path("c.json")).find("\"accepted\": true"), std::string::npos);
 }
 
@@ -156,11 +160,12 @@ TEST_F(CalibrationCommands, CalibrateKeepsTheEarlierFileWhenItRejects) {
   ASSERT_TRUE(SaveSightings(SceneSightings(), Path("s.yaml")));
   WriteBytes(Path("config/calibration.yaml"), "max_rms_px: 0.002\n");
   WriteBytes(Path("cell.yaml"), "earlier");
-  const std::vector<std::string> call = {"calibrate",      "--sightings",  Path("s.yaml"),
-                                         "--config",       Path("config"), "--out",
-                                         Path("cell.yaml")};
+  const std::vector<std::string> call = {"calibrate",       "--sightings",  Path("s.yaml"),
+                                         "--config",        Path("config"), "--out",
+                                         Path("cell.yaml"), "--report",     Path("report")};
   EXPECT_NE(Refusal(call).find("rms of the camera"), std::string::npos) << Refusal(call);
   EXPECT_EQ(ReadBytes(Path("cell.yaml")), "earlier");
+  EXPECT_NE(ReadBytes(Path("report/report.html")).find("rejected: "), std::string::npos);
   std::vector<std::string> forced = call;
   forced.emplace_back("--force");
   EXPECT_EQ(RunFringe(forced).exit_status, 0);

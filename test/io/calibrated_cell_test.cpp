@@ -87,5 +87,10 @@ TEST(CameraInfo, IsWhatCameraInfoManagerReads) {
   EXPECT_FALSE(WriteCameraInfo(CameraModel{}, "none", folder / "none.yaml"));
 }
 
+TEST(UtcDate, IsIso8601AndEmptyWithoutAStamp) {
+  EXPECT_EQ(UtcDate(1700000000123456789), "2023-11-14T22:13:20Z");
+  EXPECT_EQ(UtcDate(0), "");
+}
+
 }  // namespace
 }  // namespace fringe_fusion

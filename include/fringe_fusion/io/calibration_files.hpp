@@ -44,6 +44,10 @@ struct SightingsFile {
 /// @return error naming file and key; a file that states none is one.
 [[nodiscard]] Result<CellCovariance> ReadCellCovariance(const std::string& path);
 
+/// Date of a calibration as cell.yaml states it: UTC, ISO 8601.
+/// @param stamp_ns since 1970. @return empty for a stamp that is not known, 0.
+[[nodiscard]] std::string UtcDate(std::int64_t stamp_ns);
+
 /// camera_info of ROS (camera_calibration_parsers), as camera_info_manager loads it.
 [[nodiscard]] Status WriteCameraInfo(const CameraModel& model, const std::string& name,
                                      const std::string& path);
