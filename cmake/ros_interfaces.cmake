@@ -4,14 +4,15 @@ find_package(catkin REQUIRED COMPONENTS
   std_msgs std_srvs tf2 tf2_eigen tf2_ros visualization_msgs)
 
 add_message_files(FILES
-  CaptureFinding.msg DecodedView.msg Frame.msg IntrinsicsSigma.msg PatternDescription.msg PatternList.msg
-  RangeView.msg StageState.msg ViewPose.msg ViewPoses.msg ViewStatus.msg)
+  CalibrationPose.msg CalibrationResidual.msg CalibrationState.msg CaptureFinding.msg
+  DecodedView.msg Frame.msg IntrinsicsSigma.msg PatternDescription.msg PatternList.msg RangeView.msg
+  StageState.msg ViewPose.msg ViewPoses.msg ViewStatus.msg)
 add_service_files(FILES
   Capture.srv ExtractSurface.srv IntegrateView.srv LoadSequence.srv OptimizeViews.srv
-  QueryDistance.srv ReadModel.srv SelfCalibrate.srv ShowPattern.srv SimExpose.srv SimProject.srv
+  QueryDistance.srv ReadModel.srv SelfCalibrate.srv ShowPattern.srv SimExpose.srv SimPlace.srv SimProject.srv
   SolveRelativePose.srv SolveViewPose.srv SuggestSettings.srv WriteModel.srv)
 add_action_files(FILES
-  MoveToView.action ScanObject.action ScanView.action)
+  CalibrateCell.action MoveToView.action ScanObject.action ScanView.action)
 generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs
   LANGS gencpp genpy)
 generate_dynamic_reconfigure_options(config/Camera.cfg)

@@ -21,10 +21,25 @@ constexpr std::array<const char*, 25> kStageFiles = {
     "sim",        "simulate_scan", "surface",           "transfer", "triangulation", "turntable",
     "variational"};
 /// Files of the nodes and of a scan, which may lie beside them.
-constexpr std::array<const char*, 18> kOtherFiles = {
-    "arm_axes",   "camera",    "cell_node", "cell_sim",   "fusion_node",    "job",
-    "motion",     "occupancy", "patterns",  "phase_node", "pose",           "pose_node",
-    "pose_prior", "projector", "scanner",   "stations",   "turntable_axes", "turntable_stops"};
+constexpr std::array<const char*, 19> kOtherFiles = {"arm_axes",
+                                                     "calibration_node",
+                                                     "camera",
+                                                     "cell_node",
+                                                     "cell_sim",
+                                                     "fusion_node",
+                                                     "job",
+                                                     "motion",
+                                                     "occupancy",
+                                                     "patterns",
+                                                     "phase_node",
+                                                     "pose",
+                                                     "pose_node",
+                                                     "pose_prior",
+                                                     "projector",
+                                                     "scanner",
+                                                     "stations",
+                                                     "turntable_axes",
+                                                     "turntable_stops"};
 
 template <typename Names>
 bool Contains(const Names& names, const std::string& name) {

@@ -122,7 +122,7 @@ struct SliceLayout {
   int panel_width = 220;
   int panel_height = 220;
   int gap = 12;
-  int left = 70;
+  int left = 84;
   int top = 28;
 
   [[nodiscard]] cv::Point Corner(int axis, int slice) const {

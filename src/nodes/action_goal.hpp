@@ -2,6 +2,7 @@
 
 #include <actionlib/client/simple_action_client.h>
 #include <ros/callback_queue.h>
+#include <ros/node_handle.h>
 
 #include <chrono>
 #include <functional>
@@ -11,6 +12,12 @@
 #include "fringe_fusion/common/result.hpp"
 
 namespace fringe_fusion::nodes {
+
+/// A handle whose callbacks wait in a queue of their own.
+inline ros::NodeHandle WithQueue(ros::NodeHandle nh, ros::CallbackQueue& queue) {
+  nh.setCallbackQueue(&queue);
+  return nh;
+}
 
 /// How long to wait for what.
 struct GoalLimits {

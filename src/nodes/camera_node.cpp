@@ -9,6 +9,7 @@
 #include "nodes/backends/aravis_camera.hpp"
 #include "nodes/backends/replay_camera.hpp"
 #include "nodes/backends/sim_camera.hpp"
+#include "nodes/calibration_reload.hpp"
 
 namespace fringe_fusion::nodes {
 namespace {
@@ -80,6 +81,7 @@ CameraNode::CameraNode(const ros::NodeHandle& nh, const ros::NodeHandle& private
   settings_server_->setCallback(
       [this](const CameraConfig& settings, std::uint32_t /*level*/) { OnSettings(settings); });
   capture_ = handle.advertiseService("capture", &CameraNode::OnCapture, this);
+  reload_ = AdvertiseReload(private_nh, [this] { return ReloadCalibration(); });
   device_timer_ = handle.createTimer(ros::Duration(1.0), [this](const auto&) { LookForDevice(); });
 }
 
@@ -167,6 +169,20 @@ void CameraNode::Publish(const sensor_msgs::Image& image) {
   sensor_msgs::CameraInfo camera_info = camera_info_.getCameraInfo();
   camera_info.header = image.header;
   publisher_.publish(image, camera_info);
+}
+
+Status CameraNode::ReloadCalibration() {
+  const std::lock_guard<std::mutex> lock(camera_mutex_);
+  auto calibration = RereadCalibration(config_.calibration_file, calibration_);
+  if (!calibration) return Forward(calibration);
+  if (config_.camera_info_url.empty()) {
+    camera_info_.setCameraInfo(ros_io::ToMessage(calibration->camera));
+  } else if (!camera_info_.loadCameraInfo(config_.camera_info_url)) {
+    return Fail("camera_info cannot be read from {}", config_.camera_info_url);
+  }
+  calibration_ = std::move(*calibration);
+  ROS_INFO("calibration %s is in force", CalibrationId(calibration_).c_str());
+  return {};
 }
 
 void CameraNode::OnSettings(const CameraConfig& settings) {

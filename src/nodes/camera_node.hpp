@@ -43,8 +43,9 @@ struct CameraNodeConfig {
 };
 
 /// Drives a camera: service `~capture`, topics `image_raw` and `camera_info`, `set_camera_info`,
-/// exposure and gain by dynamic_reconfigure. A device that is absent makes captures fail in words;
-/// it is looked for at the start and again until it is there, and at every capture.
+/// exposure and gain by dynamic_reconfigure, `~reload_calibration`. A device that is absent makes
+/// captures fail in words; it is looked for at the start and again until it is there, and at every
+/// capture.
 class CameraNode {
  public:
   /// @return error naming a parameter or cell.yaml.
@@ -68,12 +69,14 @@ class CameraNode {
   [[nodiscard]] Status CheckDevice(const CapturedFrame& frame) const;
   void Publish(const sensor_msgs::Image& image);
   void OnSettings(const CameraConfig& settings);
+  /// Takes calibration_file, and the file of camera_info, again.
+  [[nodiscard]] Status ReloadCalibration();
   void Diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   CameraNodeConfig config_;
-  CellCalibration calibration_;
 
-  std::mutex camera_mutex_;  // One exposure at a time.
+  std::mutex camera_mutex_;  // One exposure at a time; guards the calibration.
+  CellCalibration calibration_;
   std::unique_ptr<Camera> camera_;
 
   std::mutex state_mutex_;  // Guards settings and figures.
@@ -90,6 +93,7 @@ class CameraNode {
   ros::Timer diagnostics_timer_;
   ros::Timer device_timer_;
   ros::ServiceServer capture_;
+  ros::ServiceServer reload_;
   std::unique_ptr<dynamic_reconfigure::Server<CameraConfig>> settings_server_;
 };
 

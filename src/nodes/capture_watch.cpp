@@ -28,8 +28,8 @@ CaptureWatch::CaptureWatch(const ros::NodeHandle& nh, const ros::NodeHandle& pri
       nh.createTimer(ros::Duration(0.5), [this](const auto&) { diagnostics_.update(); });
 }
 
-std::vector<CaptureFinding> CaptureWatch::Examine(const ImageStack& stack,
-                                                  const CellCalibration& calibration) {
+std::vector<CaptureFinding> CaptureWatch::Examine(
+    const ImageStack& stack, const std::optional<CellCalibration>& calibration) {
   State state;
   state.view = fmt::format("view {} of scan '{}'", stack.view_id, stack.scan_id);
   Result<Diagnosis> diagnosis =

@@ -5,6 +5,7 @@
 #include <ros/node_handle.h>
 
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,9 +25,11 @@ class CaptureWatch {
   CaptureWatch(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                const Configs& configs);
 
+  /// @param calibration of the scanner, where one is known that holds.
   /// @return findings, the cause of the others first. A stack that cannot be examined has none; the
   /// log and /diagnostics say why.
-  std::vector<CaptureFinding> Examine(const ImageStack& stack, const CellCalibration& calibration);
+  std::vector<CaptureFinding> Examine(const ImageStack& stack,
+                                      const std::optional<CellCalibration>& calibration);
 
  private:
   /// What is known since the last view.

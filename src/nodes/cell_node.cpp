@@ -39,11 +39,6 @@ std::string IdFromTime() {
   return fmt::format("scan_{}", ros::WallTime::now().toNSec() / 1000000U);
 }
 
-ros::NodeHandle WithQueue(ros::NodeHandle nh, ros::CallbackQueue& queue) {
-  nh.setCallbackQueue(&queue);
-  return nh;
-}
-
 /// Views that are complete on disk; none if there is no scan yet.
 std::vector<int> ViewsOnDisk(const std::string& output_folder) {
   const Result<ScanFolder> scan = OpenScan(ScanFolderOf(output_folder));

@@ -6,6 +6,7 @@
 #include <thread>
 #include <utility>
 
+#include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "fringe_fusion/ros_io/configs.hpp"
 #include "fringe_fusion/ros_io/frame_messages.hpp"
@@ -16,16 +17,17 @@
 namespace fringe_fusion::nodes {
 namespace {
 
+constexpr int kNumStops = 1000003;
+
 /// Names a stop by its joint positions, so that the same stop always has the same pose error.
 int PoseIndex(const std::vector<double>& joint_positions) {
   constexpr double kResolutionRad = 1e-5;
-  constexpr std::uint64_t kNumStops = 1000003;
   std::uint64_t hash = 1469598103934665603ULL;  // FNV-1a
   for (const double position : joint_positions) {
     hash ^= static_cast<std::uint64_t>(std::llround(position / kResolutionRad));
     hash *= 1099511628211ULL;
   }
-  return static_cast<int>(hash % kNumStops);
+  return static_cast<int>(hash % static_cast<std::uint64_t>(kNumStops));
 }
 
 /// Far below every device's resolution, far above the rounding of tf.
@@ -45,27 +47,55 @@ Result<std::unique_ptr<CellSimNode>> CellSimNode::Create(const ros::NodeHandle& 
   if (!gige) return Forward(gige);
   const Result<CellCalibration> calibration = ReadCellCalibration(config->calibration_file);
   if (!calibration) return Forward(calibration);
-  const Result<Mesh> object = sim::MakeObject(config->object);
-  if (!object) return Forward(object);
-  const Mesh plate = config->plate_radius_m > 0.0
-                         ? sim::MakePlate(config->plate_radius_m, config->plate_thickness_m)
-                         : Mesh();
-  Result<sim::SimCell> cell = sim::SimCell::Create(*physics, *calibration, *object, plate);
+  Result<Scene> scene = MakeScene(*config);
+  if (!scene) return Forward(scene);
+  Result<sim::SimCell> cell =
+      sim::SimCell::Create(*physics, *calibration, scene->object, scene->background, scene->print);
   if (!cell) return Forward(cell);
-  std::unique_ptr<CellSimNode> node(new CellSimNode(nh, private_nh, *config, std::move(*cell)));
-  if (Status status = node->StartTruthFolder(*object); !status) {
+  std::unique_ptr<CellSimNode> node(
+      new CellSimNode(nh, private_nh, *config, std::move(*cell), std::move(*scene)));
+  if (Status status = node->StartTruthFolder(node->scene_.object); !status) {
     return tl::unexpected<Error>(status.error());
   }
   if (Status status = node->StartGige(*gige); !status) {
     return tl::unexpected<Error>(status.error());
   }
-  ROS_INFO("simulated cell ready, object '%s'", config->object.c_str());
+  const std::string& stands = config->target_file.empty() ? config->object : config->target_file;
+  ROS_INFO("simulated cell ready, object '%s'", stands.c_str());
   return node;
 }
 
+Result<CellSimNode::Scene> CellSimNode::MakeScene(const CellSimNodeConfig& config) {
+  Scene scene;
+  if (config.plate_radius_m > 0.0) {
+    scene.background = sim::MakePlate(config.plate_radius_m, config.plate_thickness_m);
+  }
+  if (config.target_file.empty()) {
+    Result<Mesh> object = sim::MakeObject(config.object);
+    if (!object) return Forward(object);
+    scene.object = std::move(*object);
+    return scene;
+  }
+  const auto target = LoadTarget(config.target_file);
+  if (!target) return Forward(target);
+  const auto T_object_target = MakeTransform(Eigen::Vector3d(config.target_translation_m.data()),
+                                             Eigen::Vector4d(config.target_quaternion_xyzw.data()));
+  if (!T_object_target) {
+    return Fail("target_translation_m, target_quaternion_xyzw: {}",
+                T_object_target.error().message);
+  }
+  scene.print =
+      sim::SurfacePrint{MakeTargetPrint(*target), *T_object_target, config.target_softness_m};
+  scene.object = sim::MakeTargetPlate(*scene.print);
+  return scene;
+}
+
 CellSimNode::CellSimNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                         CellSimNodeConfig config, sim::SimCell cell)
-    : config_(std::move(config)), cell_(std::move(cell)), tf_listener_(tf_buffer_) {
+                         CellSimNodeConfig config, sim::SimCell cell, Scene scene)
+    : config_(std::move(config)),
+      cell_(std::move(cell)),
+      scene_(std::move(scene)),
+      tf_listener_(tf_buffer_) {
   const CameraModel& projector = cell_.calibration().projector;
   picture_ = Image<std::uint8_t>(projector.width, projector.height);
   ros::NodeHandle handle = nh;
@@ -77,6 +107,8 @@ CellSimNode::CellSimNode(const ros::NodeHandle& nh, const ros::NodeHandle& priva
   joint_states_ = handle.subscribe("joint_states", 10, &CellSimNode::OnJointState, this);
   project_ = private_handle.advertiseService("project", &CellSimNode::OnProject, this);
   expose_ = private_handle.advertiseService("expose", &CellSimNode::OnExpose, this);
+  place_target_ =
+      private_handle.advertiseService("place_target", &CellSimNode::OnPlaceTarget, this);
 }
 
 Status CellSimNode::StartTruthFolder(const Mesh& object) {
@@ -130,6 +162,31 @@ bool CellSimNode::OnExpose(SimExpose::Request& request, SimExpose::Response& res
   return true;
 }
 
+bool CellSimNode::OnPlaceTarget(SimPlace::Request& request, SimPlace::Response& response) {
+  const Result<Transform> T_object_target = ros_io::FromMessage(request.pose);
+  const Status placed = T_object_target ? PlaceTarget(*T_object_target) : Forward(T_object_target);
+  response.success = static_cast<std::uint8_t>(placed.has_value());
+  if (!placed) response.message = placed.error().message;
+  return true;
+}
+
+Status CellSimNode::PlaceTarget(const Transform& T_object_target) {
+  const std::lock_guard<std::mutex> lock(cell_mutex_);
+  if (!scene_.print) return Fail("no target stands in the simulated cell: target_file is empty");
+  sim::SurfacePrint print = *scene_.print;
+  print.T_object_target = T_object_target;
+  Mesh plate = sim::MakeTargetPlate(print);
+  auto cell =
+      sim::SimCell::Create(cell_.config(), cell_.calibration(), plate, scene_.background, print);
+  if (!cell) return Forward(cell);
+  cell_ = std::move(*cell);
+  scene_.print = std::move(print);
+  scene_.object = std::move(plate);
+  ++num_placed_;
+  T_object_camera_.reset();  // The rays are cast anew.
+  return {};
+}
+
 void CellSimNode::OnJointState(const sensor_msgs::JointStateConstPtr& message) {
   const std::lock_guard<std::mutex> lock(joint_mutex_);
   joint_state_ = message;
@@ -175,8 +232,10 @@ Status CellSimNode::UpdatePose() {
   }
   const Result<Transform> T_object_camera = ros_io::FromMessage(message.transform);
   if (!T_object_camera) return tl::unexpected<Error>(T_object_camera.error());
-  // The pose may be known before the first joint state, which names the stop.
-  const int pose_index = joint_state ? PoseIndex(joint_state->position) : 0;
+  // The pose may be known before the first joint state, which names the stop. A target in another
+  // place has other noise.
+  const int pose_index =
+      ((joint_state ? PoseIndex(joint_state->position) : 0) + num_placed_) % kNumStops;
   if (T_object_camera_ && SamePose(*T_object_camera_, *T_object_camera) &&
       pose_index == pose_index_) {
     return {};

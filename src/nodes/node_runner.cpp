@@ -7,6 +7,7 @@
 #include <map>
 
 #include "fringe_fusion/ros_io/known_parameters.hpp"
+#include "nodes/calibration_node.hpp"
 #include "nodes/camera_node.hpp"
 #include "nodes/cell_node.hpp"
 #include "nodes/cell_sim_node.hpp"
@@ -32,10 +33,15 @@ Result<std::shared_ptr<void>> CreateNode(ros::NodeHandle nh, ros::NodeHandle pri
 
 const std::map<std::string, Create>& Types() {
   static const std::map<std::string, Create> types = {
-      {"camera_node", CreateNode<CameraNode>},    {"cell_node", CreateNode<CellNode>},
-      {"cell_sim_node", CreateNode<CellSimNode>}, {"fusion_node", CreateNode<FusionNode>},
-      {"motion_node", CreateNode<MotionNode>},    {"phase_node", CreateNode<PhaseNode>},
-      {"pose_node", CreateNode<PoseNode>},        {"projector_node", CreateNode<ProjectorNode>},
+      {"calibration_node", CreateNode<CalibrationNode>},
+      {"camera_node", CreateNode<CameraNode>},
+      {"cell_node", CreateNode<CellNode>},
+      {"cell_sim_node", CreateNode<CellSimNode>},
+      {"fusion_node", CreateNode<FusionNode>},
+      {"motion_node", CreateNode<MotionNode>},
+      {"phase_node", CreateNode<PhaseNode>},
+      {"pose_node", CreateNode<PoseNode>},
+      {"projector_node", CreateNode<ProjectorNode>},
       {"scanner_node", CreateNode<ScannerNode>},
   };
   return types;

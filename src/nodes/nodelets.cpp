@@ -29,6 +29,9 @@ class NodeNodelet : public nodelet::Nodelet {
   std::unique_ptr<NodeRunner> runner_;
 };
 
+struct CalibrationNodelet : NodeNodelet {
+  CalibrationNodelet() : NodeNodelet("calibration_node") {}
+};
 struct CameraNodelet : NodeNodelet {
   CameraNodelet() : NodeNodelet("camera_node") {}
 };
@@ -58,6 +61,7 @@ struct ScannerNodelet : NodeNodelet {
 };
 }  // namespace fringe_fusion::nodes
 
+PLUGINLIB_EXPORT_CLASS(fringe_fusion::nodes::CalibrationNodelet, nodelet::Nodelet)
 PLUGINLIB_EXPORT_CLASS(fringe_fusion::nodes::CameraNodelet, nodelet::Nodelet)
 PLUGINLIB_EXPORT_CLASS(fringe_fusion::nodes::CellNodelet, nodelet::Nodelet)
 PLUGINLIB_EXPORT_CLASS(fringe_fusion::nodes::CellSimNodelet, nodelet::Nodelet)

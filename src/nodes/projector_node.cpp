@@ -12,6 +12,7 @@
 #include "fringe_fusion/ros_io/pattern_messages.hpp"
 #include "nodes/backends/replay_projector.hpp"
 #include "nodes/backends/sim_projector.hpp"
+#include "nodes/calibration_reload.hpp"
 
 namespace fringe_fusion::nodes {
 namespace {
@@ -75,23 +76,21 @@ Result<std::unique_ptr<ProjectorNode>> ProjectorNode::Create(const ros::NodeHand
                 config->calibration_file, calibration->projector_serial);
   }
   return std::unique_ptr<ProjectorNode>(new ProjectorNode(
-      nh, private_nh, *config, std::move(*correction), model, std::move(projector)));
+      nh, private_nh, *config, std::move(*correction), *calibration, std::move(projector)));
 }
 
 ProjectorNode::ProjectorNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                              ProjectorNodeConfig config, PatternCorrection correction,
-                             const CameraModel& model, std::unique_ptr<Projector> projector)
+                             CellCalibration calibration, std::unique_ptr<Projector> projector)
     : config_(std::move(config)),
       correction_(std::move(correction)),
+      calibration_(std::move(calibration)),
       projector_(std::move(projector)),
       diagnostics_(nh, private_nh, ros::this_node::getName()) {
   ros::NodeHandle handle = nh;
   ros::NodeHandle private_handle = private_nh;
   projector_info_ = handle.advertise<sensor_msgs::CameraInfo>("projector_info", 1, /*latch=*/true);
-  sensor_msgs::CameraInfo projector_info = ros_io::ToMessage(model);
-  projector_info.header.frame_id = config_.frame_id;
-  projector_info.header.stamp = ros::Time::now();
-  projector_info_.publish(projector_info);
+  PublishInfo();
   diagnostics_.setHardwareID(projector_->Id());
   diagnostics_.add("projector", this, &ProjectorNode::Diagnose);
   diagnostics_timer_ =
@@ -100,7 +99,25 @@ ProjectorNode::ProjectorNode(const ros::NodeHandle& nh, const ros::NodeHandle& p
       private_handle.advertiseService("load_sequence", &ProjectorNode::OnLoadSequence, this);
   show_pattern_ =
       private_handle.advertiseService("show_pattern", &ProjectorNode::OnShowPattern, this);
-  ROS_INFO("%s ready, %d x %d px", projector_->Id().c_str(), model.width, model.height);
+  reload_ = AdvertiseReload(private_nh, [this] { return ReloadCalibration(); });
+  ROS_INFO("%s ready, %d x %d px", projector_->Id().c_str(), projector_->Width(),
+           projector_->Height());
+}
+
+void ProjectorNode::PublishInfo() {
+  sensor_msgs::CameraInfo projector_info = ros_io::ToMessage(calibration_.projector);
+  projector_info.header.frame_id = config_.frame_id;
+  projector_info.header.stamp = ros::Time::now();
+  projector_info_.publish(projector_info);
+}
+
+Status ProjectorNode::ReloadCalibration() {
+  const std::lock_guard<std::mutex> lock(projector_mutex_);
+  auto calibration = RereadCalibration(config_.calibration_file, calibration_);
+  if (!calibration) return Forward(calibration);
+  calibration_ = std::move(*calibration);
+  PublishInfo();
+  return {};
 }
 
 bool ProjectorNode::OnLoadSequence(LoadSequence::Request& request,

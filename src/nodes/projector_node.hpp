@@ -40,7 +40,8 @@ struct ProjectorNodeConfig {
   }
 };
 
-/// Shows patterns: services `~load_sequence` and `~show_pattern`, latched topic `projector_info`.
+/// Shows patterns: services `~load_sequence`, `~show_pattern` and `~reload_calibration`, latched
+/// topic `projector_info`.
 class ProjectorNode {
  public:
   /// @return error naming a parameter or cell.yaml.
@@ -49,19 +50,23 @@ class ProjectorNode {
 
  private:
   ProjectorNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
-                ProjectorNodeConfig config, PatternCorrection correction, const CameraModel& model,
-                std::unique_ptr<Projector> projector);
+                ProjectorNodeConfig config, PatternCorrection correction,
+                CellCalibration calibration, std::unique_ptr<Projector> projector);
 
   bool OnLoadSequence(LoadSequence::Request& request, LoadSequence::Response& response);
   bool OnShowPattern(ShowPattern::Request& request, ShowPattern::Response& response);
   [[nodiscard]] Status Load(const PatternList& message);
   [[nodiscard]] Status Show(std::uint32_t index);
+  /// Takes calibration_file again.
+  [[nodiscard]] Status ReloadCalibration();
+  void PublishInfo();
   void Diagnose(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   ProjectorNodeConfig config_;
   PatternCorrection correction_;
 
-  std::mutex projector_mutex_;  // One picture at a time; guards pictures_.
+  std::mutex projector_mutex_;  // One picture at a time; guards pictures_ and the calibration.
+  CellCalibration calibration_;
   std::unique_ptr<Projector> projector_;
   std::vector<Image<std::uint8_t>> pictures_;
   PatternList loaded_;  ///< what pictures_ show
@@ -77,6 +82,7 @@ class ProjectorNode {
   ros::Timer diagnostics_timer_;
   ros::ServiceServer load_sequence_;
   ros::ServiceServer show_pattern_;
+  ros::ServiceServer reload_;
 };
 
 }  // namespace fringe_fusion::nodes

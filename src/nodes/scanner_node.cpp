@@ -12,6 +12,7 @@
 #include "fringe_fusion/ros_io/suggestion_messages.hpp"
 #include "fringe_fusion/ros_io/tf_lookup.hpp"
 #include "nodes/calibrated_frames.hpp"
+#include "nodes/calibration_reload.hpp"
 
 namespace fringe_fusion::nodes {
 namespace {
@@ -58,18 +59,26 @@ Result<ScannerNode::Setup> ScannerNode::LoadSetup(const ros::NodeHandle& private
       MakeSequence(*pattern, calibration->projector.width, calibration->projector.height);
   if (!sequence) return Forward(sequence);
   setup.sequence = *sequence;
-  auto edges = LoadEdges(ros::NodeHandle(private_nh, "edges"));
+  auto edges = LoadAllEdges(private_nh, setup.config, setup.calibration);
   if (!edges) return Forward(edges);
   setup.edges = std::move(*edges);
-  const auto scanner_edges =
-      ScannerEdges(setup.calibration, setup.config.camera_frame, setup.config.projector_frame);
-  setup.edges.insert(setup.edges.end(), scanner_edges.begin(), scanner_edges.end());
   return setup;
+}
+
+Result<std::vector<geometry_msgs::TransformStamped>> ScannerNode::LoadAllEdges(
+    const ros::NodeHandle& private_nh, const ScannerNodeConfig& config,
+    const CellCalibration& calibration) {
+  auto edges = LoadEdges(ros::NodeHandle(private_nh, "edges"));
+  if (!edges) return edges;
+  const auto of_scanner = ScannerEdges(calibration, config.camera_frame, config.projector_frame);
+  edges->insert(edges->end(), of_scanner.begin(), of_scanner.end());
+  return edges;
 }
 
 ScannerNode::ScannerNode(ros::NodeHandle nh, const ros::NodeHandle& private_nh, Setup setup)
     : setup_(std::move(setup)),
       nh_(std::move(nh)),
+      private_nh_(private_nh),
       tf_buffer_(ros::Duration(setup_.config.tf_cache_s)),
       tf_listener_(tf_buffer_, nh_),
       motion_(nh_, setup_.motion),
@@ -78,12 +87,14 @@ ScannerNode::ScannerNode(ros::NodeHandle nh, const ros::NodeHandle& private_nh, 
       server_(
           nh_, "scan_view", [this](const ScanViewGoalConstPtr& goal) { Execute(*goal); },
           /*auto_start=*/false) {
-  frame_publisher_ =
-      nh_.advertise<Frame>("frames", static_cast<std::uint32_t>(2 * setup_.sequence.frames.size()));
+  const auto queue_size = static_cast<std::uint32_t>(2 * setup_.sequence.frames.size());
+  frame_publisher_ = nh_.advertise<Frame>("frames", queue_size);
+  calibration_frame_publisher_ = nh_.advertise<Frame>("calibration_frames", queue_size);
   static_broadcaster_.sendTransform(setup_.edges);
   ros::NodeHandle private_handle = private_nh;
   suggest_ =
       private_handle.advertiseService("suggest_settings", &ScannerNode::OnSuggestSettings, this);
+  reload_ = AdvertiseReload(private_nh, [this] { return ReloadCalibration(); });
   server_.start();
 }
 
@@ -106,6 +117,8 @@ void ScannerNode::Execute(const ScanViewGoal& goal) {
       server_.setAborted(result, message);
     }
   };
+  const std::unique_lock<std::mutex> devices(devices_mutex_, std::try_to_lock);
+  if (!devices.owns_lock()) return abort("the scanner is busy with test exposures");
   Feedback(0, "waiting for the motion to settle");
   const Result<std::vector<double>> joints = motion_.WaitSettled();
   if (!joints) return abort(joints.error().message);
@@ -117,7 +130,10 @@ void ScannerNode::Execute(const ScanViewGoal& goal) {
     if (!written) return abort(written.error().message);
   }
   Feedback(stack->frames.size(), "examining the frames");
-  result.findings = watch_.Examine(*stack, setup_.calibration);
+  // What is being calibrated may be a guess, and tells nothing of the frames.
+  std::optional<CellCalibration> calibration;
+  if (goal.calibration == 0) calibration = setup_.calibration;
+  result.findings = watch_.Examine(*stack, calibration);
   result.success = 1;
   result.num_frames = static_cast<std::uint32_t>(stack->frames.size());
   result.first_stamp = ros_io::ToRosTime(stack->frames.front().stamp_ns);
@@ -126,15 +142,15 @@ void ScannerNode::Execute(const ScanViewGoal& goal) {
 }
 
 Result<ImageStack> ScannerNode::CaptureView(const ScanViewGoal& goal) {
-  const std::unique_lock<std::mutex> devices(devices_mutex_, std::try_to_lock);
-  if (!devices.owns_lock()) return Fail("the scanner is busy with test exposures");
+  const ros::Publisher& publisher =
+      goal.calibration != 0 ? calibration_frame_publisher_ : frame_publisher_;
   const PatternCapture::Request request{goal.scan_id, static_cast<int>(goal.view_id),
                                         setup_.sequence};
   return capture_.CaptureSequence(
       request,
-      [this](const ImageStack& stack) {
+      [&](const ImageStack& stack) {
         const std::size_t count = stack.frames.size();
-        frame_publisher_.publish(ros_io::ToMessage(stack, count - 1, setup_.config.camera_frame));
+        publisher.publish(ros_io::ToMessage(stack, count - 1, setup_.config.camera_frame));
         Feedback(count, "capturing");
       },
       [this] { return Cancelled(); });
@@ -179,6 +195,19 @@ Result<CaptureProposal> ScannerNode::Suggest(const SuggestSettings::Request& req
   const auto scene = MeasureCaptureScene(*test, setup_.calibration, setup_.phase, assistant);
   if (!scene) return Forward(scene);
   return ProposeCapture(*scene, setup_.phase, assistant, budget);
+}
+
+Status ScannerNode::ReloadCalibration() {
+  const std::unique_lock<std::mutex> devices(devices_mutex_, std::try_to_lock);
+  if (!devices.owns_lock()) return Fail("the scanner is busy with a view");
+  auto calibration = RereadCalibration(setup_.config.calibration_file, setup_.calibration);
+  if (!calibration) return Forward(calibration);
+  auto edges = LoadAllEdges(private_nh_, setup_.config, *calibration);
+  if (!edges) return Forward(edges);
+  setup_.calibration = std::move(*calibration);
+  setup_.edges = std::move(*edges);
+  static_broadcaster_.sendTransform(setup_.edges);
+  return {};
 }
 
 Status ScannerNode::WriteView(const ImageStack& stack, const std::string& folder,

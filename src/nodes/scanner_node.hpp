@@ -28,8 +28,9 @@
 namespace fringe_fusion::nodes {
 
 /// Scans one view: steps the projector, takes the frames, checks them, hands them on, writes them
-/// to disk and says what is wrong with them. Publishes the calibrated edges of the tf tree. Service
-/// `~suggest_settings` takes test exposures and proposes how to capture.
+/// to disk and says what is wrong with them. Publishes the calibrated edges of the tf tree; service
+/// `~reload_calibration` takes them and the calibration again. Service `~suggest_settings` takes
+/// test exposures and proposes how to capture.
 class ScannerNode {
  public:
   [[nodiscard]] static Result<std::unique_ptr<ScannerNode>> Create(ros::NodeHandle nh,
@@ -51,12 +52,17 @@ class ScannerNode {
   using Server = actionlib::SimpleActionServer<ScanViewAction>;
 
   [[nodiscard]] static Result<Setup> LoadSetup(const ros::NodeHandle& private_nh);
+  /// Edges of the parameters and those of the calibration.
+  [[nodiscard]] static Result<std::vector<geometry_msgs::TransformStamped>> LoadAllEdges(
+      const ros::NodeHandle& private_nh, const ScannerNodeConfig& config,
+      const CellCalibration& calibration);
   ScannerNode(ros::NodeHandle nh, const ros::NodeHandle& private_nh, Setup setup);
 
   void Execute(const ScanViewGoal& goal);
   [[nodiscard]] Result<ImageStack> CaptureView(const ScanViewGoal& goal);
   bool OnSuggestSettings(SuggestSettings::Request& request, SuggestSettings::Response& response);
   [[nodiscard]] Result<CaptureProposal> Suggest(const SuggestSettings::Request& request);
+  [[nodiscard]] Status ReloadCalibration();
   [[nodiscard]] Status WriteView(const ImageStack& stack, const std::string& folder,
                                  const std::vector<double>& joint_positions);
   void Feedback(std::size_t frame, const char* state);
@@ -64,16 +70,19 @@ class ScannerNode {
 
   Setup setup_;
   ros::NodeHandle nh_;
+  ros::NodeHandle private_nh_;
   tf2_ros::Buffer tf_buffer_;
   tf2_ros::TransformListener tf_listener_;
   tf2_ros::StaticTransformBroadcaster static_broadcaster_;
   MotionWatch motion_;
-  std::mutex devices_mutex_;  ///< one sequence at a time
+  std::mutex devices_mutex_;  ///< one sequence at a time; guards calibration and edges
   PatternCapture capture_;
   CaptureWatch watch_;
   ros::Publisher frame_publisher_;
+  ros::Publisher calibration_frame_publisher_;  ///< of views that are for calibration_node
   std::atomic<bool> stopping_{false};
   ros::ServiceServer suggest_;
+  ros::ServiceServer reload_;
   Server server_;  ///< last: its thread uses the rest
 };
 

@@ -96,11 +96,11 @@ TEST(DrawErrorSlices, IsRedWhereTheErrorIsLargest) {
   }
   field.errors[3].reset();
   const Image<Rgb8> picture = DrawErrorSlices(field);
-  // Panels of 220 px from (70, 28): upper right of the first is the large X error, the lower right
+  // Panels of 220 px from (84, 28): upper right of the first is the large X error, the lower right
   // is not seen.
-  EXPECT_GT(picture(70 + 165, 28 + 55).r, picture(70 + 165, 28 + 55).b + 80);
-  EXPECT_LT(picture(70 + 55, 28 + 55).r, 90);
-  EXPECT_TRUE(IsGreyOf(picture(70 + 165, 28 + 165), 140, 160));
+  EXPECT_GT(picture(84 + 165, 28 + 55).r, picture(84 + 165, 28 + 55).b + 80);
+  EXPECT_LT(picture(84 + 55, 28 + 55).r, 90);
+  EXPECT_TRUE(IsGreyOf(picture(84 + 165, 28 + 165), 140, 160));
 }
 
 TEST(CalibrationReport, HoldsEveryTableAndPicture) {

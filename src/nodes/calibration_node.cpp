@@ -1,0 +1,163 @@
+#include "nodes/calibration_node.hpp"
+
+#include <ros/console.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "fringe_fusion/io/calibration_files.hpp"
+#include "fringe_fusion/ros_io/configs.hpp"
+
+namespace fringe_fusion::nodes {
+Result<std::unique_ptr<CalibrationNode>> CalibrationNode::Create(ros::NodeHandle nh,
+                                                                 ros::NodeHandle private_nh) {
+  Result<Setup> setup = LoadSetup(private_nh);
+  if (!setup) return Forward(setup);
+  return std::unique_ptr<CalibrationNode>(new CalibrationNode(nh, std::move(*setup)));
+}
+
+Result<CalibrationNode::Setup> CalibrationNode::LoadSetup(const ros::NodeHandle& private_nh) {
+  Setup setup;
+  const auto config = ros_io::LoadConfig<CalibrationNodeConfig>(private_nh);
+  if (!config) return Forward(config);
+  setup.config = *config;
+  const auto nodes =
+      ros_io::RequiredParameter<std::vector<std::string>>(private_nh, "reload_nodes");
+  if (!nodes) return Forward(nodes);
+  setup.reload_nodes = *nodes;
+  const auto phase = ros_io::LoadConfig<PhaseConfig>(ros::NodeHandle(private_nh, "phase"));
+  if (!phase) return Forward(phase);
+  const auto detect = ros_io::LoadConfig<DetectConfig>(ros::NodeHandle(private_nh, "detect"));
+  if (!detect) return Forward(detect);
+  const auto transfer = ros_io::LoadConfig<TransferConfig>(ros::NodeHandle(private_nh, "transfer"));
+  if (!transfer) return Forward(transfer);
+  setup.sighting = {*phase, *detect, *transfer};
+  const auto calibration =
+      ros_io::LoadConfig<CalibrationConfig>(ros::NodeHandle(private_nh, "calibration"));
+  if (!calibration) return Forward(calibration);
+  setup.calibration = *calibration;
+  auto target = LoadTarget(config->target_file);
+  if (!target) return Forward(target);
+  setup.target = std::move(*target);
+  auto in_force = ReadCellCalibration(config->calibration_file);
+  if (!in_force) return Forward(in_force);
+  setup.in_force = std::move(*in_force);
+  return setup;
+}
+
+CalibrationNode::CalibrationNode(const ros::NodeHandle& nh, Setup setup)
+    : setup_(std::move(setup)),
+      nh_(nh),
+      capture_(nh_, {{setup_.config.server_timeout_s, setup_.config.scan_timeout_s},
+                     setup_.config.frames_timeout_s}),
+      files_(nh_, setup_.reload_nodes, setup_.config.reload_timeout_s),
+      cell_task_(nh_,
+                 {setup_.config.calibration_file, setup_.config.camera_info_folder,
+                  setup_.config.camera_frame, setup_.config.marker_enlarge, setup_.target,
+                  setup_.calibration, setup_.in_force},
+                 files_),
+      cell_server_(
+          nh_, "calibrate_cell",
+          [this](const CalibrateCellGoalConstPtr& goal) {
+            Execute(cell_server_, cell_task_,
+                    {goal->step, goal->pose, goal->force != 0, goal->report_folder});
+          },
+          /*auto_start=*/false) {
+  cell_server_.start();
+  ROS_INFO("ready to calibrate with a target '%s' of %d x %d points",
+           TargetKindName(setup_.target.kind), setup_.target.num_columns, setup_.target.num_rows);
+}
+
+CalibrationNode::~CalibrationNode() {
+  stopping_ = true;
+  cell_server_.shutdown();
+}
+
+template <typename Action, typename Task>
+void CalibrationNode::Execute(Server<Action>& server, Task& task, const Step& step) {
+  Watch watch;
+  watch.cancelled = [this, &server] {
+    return stopping_ || server.isPreemptRequested() || !ros::ok();
+  };
+  watch.feedback = [&server](const std::string& state, std::uint32_t frame,
+                             std::uint32_t num_frames) {
+    typename Action::_action_feedback_type::_feedback_type feedback;
+    feedback.state = state;
+    feedback.frame = frame;
+    feedback.num_frames = num_frames;
+    server.publishFeedback(feedback);
+  };
+  typename Action::_action_result_type::_result_type result;
+  Result<std::string> outcome = Fail("another calibration is at work: wait, or cancel it first");
+  {
+    const std::unique_lock<std::mutex> lock(step_mutex_, std::try_to_lock);
+    if (lock.owns_lock()) {
+      outcome = Run(task, step, watch);
+      result = task.Message();
+    }
+  }
+  result.success = static_cast<std::uint8_t>(outcome.has_value());
+  result.message = outcome ? *outcome : outcome.error().message;
+  if (outcome) {
+    ROS_INFO("%s: %s", step.step.c_str(), result.message.c_str());
+    server.setSucceeded(result);
+  } else if (watch.cancelled()) {
+    ROS_INFO("%s was cancelled", step.step.c_str());
+    server.setPreempted(result, result.message);
+  } else {
+    ROS_ERROR("%s failed: %s", step.step.c_str(), result.message.c_str());
+    server.setAborted(result, result.message);
+  }
+}
+
+Result<std::string> CalibrationNode::Run(CalibrationTask& task, const Step& step,
+                                         const Watch& watch) {
+  if (step.step == "add_pose") return AddPose(task, step.pose, watch);
+  if (step.step == "remove_pose") return task.Remove(step.pose);
+  if (step.step == "reset") {
+    task.Reset();
+    return "all poses are forgotten";
+  }
+  if (step.step == "solve") {
+    watch.feedback("solving", 0, 0);
+    return task.Solve(step.report_folder);
+  }
+  if (step.step == "accept") {
+    watch.feedback("putting the calibration in force", 0, 0);
+    return task.Accept(step.force);
+  }
+  return Fail("step '{}' must be add_pose, remove_pose, solve, accept or reset", step.step);
+}
+
+Result<std::string> CalibrationNode::AddPose(CalibrationTask& task, const std::string& name,
+                                             const Watch& watch) {
+  const std::vector<std::string> names = task.Names();
+  if (names.size() >= static_cast<std::size_t>(setup_.config.max_poses)) {
+    return Fail("there are {} poses, at most {} are kept: remove some", names.size(),
+                setup_.config.max_poses);
+  }
+  // Before the work.
+  const auto taken = [&names](const std::string& candidate) {
+    return std::find(names.begin(), names.end(), candidate) != names.end();
+  };
+  if (taken(name)) return Fail("there is a pose '{}' already", name);
+  std::string made = name;
+  while (made.empty() || (name.empty() && taken(made))) {
+    made = fmt::format("pose_{:02d}", num_named_++);
+  }
+  watch.feedback("waiting for the scanner", 0, 0);
+  const auto on_frame = [&watch](std::uint32_t frame, std::uint32_t num_frames) {
+    watch.feedback("capturing", frame, num_frames);
+  };
+  const auto stack = capture_.Capture(on_frame, watch.cancelled);
+  if (!stack) return Forward(stack);
+  watch.feedback("looking for the target", 0, 0);
+  auto sighting = SightTarget(*stack, setup_.target, setup_.sighting, made);
+  if (!sighting) return Forward(sighting);
+  // A cancelled pose leaves no trace.
+  if (watch.cancelled()) return Fail("{}", kCancelled);
+  watch.feedback("solving", 0, 0);
+  return task.Add({std::move(*sighting), stack->frames.front().stamp_ns});
+}
+
+}  // namespace fringe_fusion::nodes
