@@ -1,9 +1,11 @@
 #include "coverage_grid.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace fringe_fusion {
 
@@ -20,7 +22,7 @@ double CoverageGrid::Ratio() const {
 }
 
 std::string CoverageGrid::EmptyQuarters(const std::string& device) const {
-  std::string gaps;
+  std::vector<std::string> quarters;
   for (const bool lower : {false, true}) {
     for (const bool right : {false, true}) {
       int empty = 0;
@@ -30,11 +32,11 @@ std::string CoverageGrid::EmptyQuarters(const std::string& device) const {
         }
       }
       if (2 * empty <= kRows * kColumns / 4) continue;
-      gaps += fmt::format("{}the {} {} of the {} image is hardly covered", gaps.empty() ? "" : "; ",
-                          lower ? "lower" : "upper", right ? "right" : "left", device);
+      quarters.push_back(fmt::format("{} {}", lower ? "lower" : "upper", right ? "right" : "left"));
     }
   }
-  return gaps;
+  if (quarters.empty()) return {};
+  return fmt::format("the {} image is hardly covered in its {}", device, fmt::join(quarters, ", "));
 }
 
 }  // namespace fringe_fusion
