@@ -29,8 +29,10 @@ cv::Scalar PoseColor(int pose) {
                                                            {160, 165, 30},
                                                            {23, 170, 190}}};
   const auto& color = kColors[static_cast<std::size_t>(pose) % kColors.size()];
-  return {static_cast<double>(color[0]), static_cast<double>(color[1]),
-          static_cast<double>(color[2])};
+  // The same ones darker from the tenth on.
+  constexpr std::array<double, 3> kShades = {1.0, 0.65, 0.4};
+  const double shade = kShades[static_cast<std::size_t>(pose) / kColors.size() % kShades.size()];
+  return {shade * color[0], shade * color[1], shade * color[2]};
 }
 
 void Write(cv::Mat& mat, const std::string& text, int x, int y) {
@@ -43,6 +45,39 @@ cv::Point Fine(double x, double y) {
   return {static_cast<int>(std::lround(x * (1 << kShift))),
           static_cast<int>(std::lround(y * (1 << kShift)))};
 }
+
+/// Which colour is which pose; nothing for more poses than anyone tells apart.
+class PoseLegend {
+ public:
+  PoseLegend(const CellCalibrationResult& result, int width) : num_columns_(width / kColumn) {
+    if (result.poses.size() > 30U) return;
+    for (std::size_t i = 0; i < result.poses.size(); ++i) {
+      if (result.poses[i].used) entries_.push_back({static_cast<int>(i), result.poses[i].name});
+    }
+  }
+  [[nodiscard]] int Height() const {
+    const int num = static_cast<int>(entries_.size());
+    return num == 0 ? 0 : kRow * ((num + num_columns_ - 1) / num_columns_) + 6;
+  }
+  void Draw(int left, int top, cv::Mat& mat) const {
+    for (std::size_t i = 0; i < entries_.size(); ++i) {
+      const int x = left + kColumn * (static_cast<int>(i) % num_columns_);
+      const int y = top + kRow * (static_cast<int>(i) / num_columns_) + kRow / 2;
+      cv::circle(mat, {x + 4, y}, 4, PoseColor(entries_[i].pose), cv::FILLED, cv::LINE_AA);
+      Write(mat, entries_[i].name.substr(0, 13), x + 14, y + 4);
+    }
+  }
+
+ private:
+  static constexpr int kColumn = 124;
+  static constexpr int kRow = 18;
+  struct Entry {
+    int pose;
+    std::string name;
+  };
+  int num_columns_;
+  std::vector<Entry> entries_;
+};
 
 double LargestResidual(const CellCalibrationResult& result, bool in_projector) {
   double largest = 1e-6;
@@ -158,8 +193,9 @@ void DrawSigmaBar(double largest_m, const cv::Point& corner, int length, cv::Mat
   constexpr int kNumLabels = 5;
   for (int label = 0; label < kNumLabels; ++label) {
     const double ratio = 1.0 - static_cast<double>(label) / (kNumLabels - 1);
-    Write(mat, fmt::format("{:.3g} um", 1e6 * largest_m * ratio), corner.x + 26,
-          corner.y + length * label / (kNumLabels - 1) + 4);
+    const std::string text = largest_m < 1e-3 ? fmt::format("{:.3g} um", 1e6 * largest_m * ratio)
+                                              : fmt::format("{:.3g} mm", 1e3 * largest_m * ratio);
+    Write(mat, text, corner.x + 26, corner.y + length * label / (kNumLabels - 1) + 4);
   }
 }
 
@@ -168,7 +204,8 @@ void DrawSigmaBar(double largest_m, const cv::Point& corner, int length, cv::Mat
 Image<Rgb8> DrawResidualScatter(const CellCalibrationResult& result, bool in_projector) {
   constexpr int kSize = 520;
   constexpr int kMargin = 20;
-  Image<Rgb8> picture(kSize, kSize + 24, Rgb8{255, 255, 255});
+  const PoseLegend legend(result, kSize - kMargin);
+  Image<Rgb8> picture(kSize, kSize + 24 + legend.Height(), Rgb8{255, 255, 255});
   cv::Mat mat = AsMat(picture);
   const double limit_px = 1.05 * LargestResidual(result, in_projector);
   const double scale = (0.5 * kSize - kMargin) / limit_px;
@@ -187,13 +224,14 @@ Image<Rgb8> DrawResidualScatter(const CellCalibrationResult& result, bool in_pro
     cv::circle(
         mat,
         Fine(middle + scale * residual.residual_px.x(), middle + scale * residual.residual_px.y()),
-        2 << kShift, PoseColor(residual.sighting), cv::FILLED, cv::LINE_AA, kShift);
+        5 << (kShift - 1), PoseColor(residual.sighting), cv::FILLED, cv::LINE_AA, kShift);
   }
   const double rms_px = in_projector ? result.rms_projector_px : result.rms_camera_px;
   cv::circle(mat, Fine(middle, middle), static_cast<int>(std::lround(rms_px * scale)) << kShift,
              kInk, 1, cv::LINE_AA, kShift);
   Write(mat, fmt::format("circle: rms {:.4f} px, ticks every {:g} px", rms_px, tick_px), kMargin,
         kSize + 12);
+  legend.Draw(kMargin, kSize + 24, mat);
   return picture;
 }
 
@@ -234,7 +272,7 @@ Image<Rgb8> DrawErrorSlices(const ErrorField& field) {
         std::lround(std::min(3.0, std::max(0.2, size.y() / size.x())) * layout.panel_width));
   }
   const cv::Point end = layout.Corner(3, field.num.z());
-  Image<Rgb8> picture(end.x + 100, end.y, Rgb8{255, 255, 255});
+  Image<Rgb8> picture(end.x + 100, end.y + 20, Rgb8{255, 255, 255});
   cv::Mat mat = AsMat(picture);
   for (int slice = 0; slice < field.num.z(); ++slice) {
     Write(mat, fmt::format("z {:.3f} m", field.Point(0, 0, slice).z()), 2,
@@ -247,6 +285,12 @@ Image<Rgb8> DrawErrorSlices(const ErrorField& field) {
   for (int axis = 0; axis < 3; ++axis) {
     Write(mat, kAxes[static_cast<std::size_t>(axis)], layout.Corner(axis, 0).x, layout.top - 8);
   }
+  const Eigen::Vector3d& low = field.volume.low;
+  const Eigen::Vector3d& high = field.volume.high;
+  Write(mat,
+        fmt::format("x {:.3f} to {:.3f} m, y {:.3f} to {:.3f} m downwards; grey: not seen by both",
+                    low.x(), high.x(), low.y(), high.y()),
+        layout.left, end.y + 6);
   DrawSigmaBar(LargestSigma(field), {end.x + 4, layout.top},
                std::max(1, end.y - layout.top - layout.gap), mat);
   return picture;

@@ -1,5 +1,6 @@
 #include "fringe_fusion/inspection/calibration_report.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -11,14 +12,28 @@ namespace {
 /// Three slices: the nearest, the middle and the farthest of the calibrated volume.
 const Eigen::Vector3i kFieldPoints(24, 24, 3);
 
+/// Of both lenses: four in pixels, then the distortion, which has none; then the pose.
+std::string UnitOf(int parameter) {
+  constexpr int kNumModel = 9;
+  if (parameter < 2 * kNumModel) return parameter % kNumModel < 4 ? "px" : "";
+  return parameter < 2 * kNumModel + 3 ? "rad" : "m";
+}
+
 Report::Table ParameterTable(const CellCalibrationResult& result) {
-  Report::Table table{"Parameters", {"parameter", "value", "standard deviation"}, {}};
+  Report::Table table{"Parameters", {"parameter", "value", "standard deviation", "unit"}, {}};
   const std::array<double, kNumCellParameters> values = CellParameterValues(result.calibration);
   for (int k = 0; k < kNumCellParameters; ++k) {
-    const double variance = result.covariance(k, k);
-    table.rows.push_back({CellParameterName(k),
-                          fmt::format("{:.8g}", values[static_cast<std::size_t>(k)]),
-                          variance > 0.0 ? fmt::format("{:.2g}", std::sqrt(variance)) : "held"});
+    const double value = values[static_cast<std::size_t>(k)];
+    const double sigma = std::sqrt(result.covariance(k, k));
+    std::vector<std::string> row{CellParameterName(k), fmt::format("{:.8g}", value),
+                                 "not estimated", UnitOf(k)};
+    if (sigma > 0.0) {
+      // To the second digit of the standard deviation.
+      const int decimals = std::max(0, 1 - static_cast<int>(std::floor(std::log10(sigma))));
+      row[1] = fmt::format("{:.{}f}", value, decimals);
+      row[2] = fmt::format("{:.{}f}", sigma, decimals);
+    }
+    table.rows.push_back(std::move(row));
   }
   return table;
 }
@@ -30,19 +45,20 @@ Report::Table DeviceTable(const CellCalibrationResult& result) {
         device, fmt::format("{:.4f}", rms_px), fmt::format("{:.2f}", scale),
         fmt::format("{:.0f} %", 100.0 * covered), DistortionName(level)};
   };
-  return {"Devices",
-          {"device", "rms [px]", "residuals over stated noise", "cells with points", "distortion"},
-          {row("camera", result.rms_camera_px, result.sigma_scale_camera,
-               result.coverage.camera_ratio, result.distortion_camera),
-           row("projector", result.rms_projector_px, result.sigma_scale_projector,
-               result.coverage.projector_ratio, result.distortion_projector)}};
+  return {
+      "Devices",
+      {"device", "rms [px]", "residuals / stated noise", "image cells with points", "distortion"},
+      {row("camera", result.rms_camera_px, result.sigma_scale_camera, result.coverage.camera_ratio,
+           result.distortion_camera),
+       row("projector", result.rms_projector_px, result.sigma_scale_projector,
+           result.coverage.projector_ratio, result.distortion_projector)}};
 }
 
 Report::Table PoseTable(const CellCalibrationResult& result,
                         const std::vector<std::string>& skipped) {
   Report::Table table{"Poses of the target",
-                      {"pose", "points in the camera", "rms [px]", "points in the projector",
-                       "rms [px]", "held-out ratio", "left out"},
+                      {"pose", "camera points", "rms [px]", "projector points", "rms [px]",
+                       "rms when held out [sigma]", "left out because"},
                       {}};
   for (const PoseOutcome& pose : result.poses) {
     const auto figure = [&pose](const std::string& text) { return pose.used ? text : ""; };
@@ -72,13 +88,16 @@ Report::Table RejectedTable(const CellCalibrationResult& result) {
 }
 
 Report::Table TrialTable(const CellCalibrationResult& result) {
-  Report::Table table{"Distortion models tried",
-                      {"camera", "projector", "rms of the fit [px]", "rms of poses held out [px]"},
-                      {}};
+  Report::Table table{
+      "Distortion models tried",
+      {"camera", "projector", "rms of the fit [px]", "rms of poses held out [px]", ""},
+      {}};
   for (const ModelTrial& trial : result.trials) {
+    const bool chosen =
+        trial.camera == result.distortion_camera && trial.projector == result.distortion_projector;
     table.rows.push_back({DistortionName(trial.camera), DistortionName(trial.projector),
                           fmt::format("{:.4f}", trial.rms_px),
-                          fmt::format("{:.4f}", trial.held_out_rms_px)});
+                          fmt::format("{:.4f}", trial.held_out_rms_px), chosen ? "chosen" : ""});
   }
   return table;
 }
@@ -98,7 +117,7 @@ std::vector<std::string> ErrorRow(const ErrorField& field, int slice) {
       ++count;
     }
   }
-  std::vector<std::string> row{fmt::format("{:.4f}", field.Point(0, 0, slice).z())};
+  std::vector<std::string> row{fmt::format("{:.3f}", field.Point(0, 0, slice).z())};
   for (int axis = 0; axis < 3; ++axis) {
     row.push_back(count > 0 ? fmt::format("{:.4f} (at most {:.4f})",
                                           1e3 * std::sqrt(squares[axis] / count),
@@ -123,17 +142,23 @@ Report MakeCalibrationReport(const CellCalibrationResult& result,
   Report report;
   report.title = "Calibration of camera and projector";
   report.paragraphs.push_back(result.verdict.words);
-  if (!result.coverage.gaps.empty()) report.paragraphs.push_back(result.coverage.gaps + ".");
-  report.paragraphs.push_back(fmt::format("Next useful pose: {}.", result.next.words));
+  // The advice of the verdict may have them.
+  const auto is_said = [&](const std::string& words) {
+    return result.verdict.words.find(words) != std::string::npos;
+  };
+  if (!is_said(result.coverage.gaps)) report.paragraphs.push_back(result.coverage.gaps + ".");
+  if (!is_said(result.next.words)) {
+    report.paragraphs.push_back(fmt::format("Next useful pose: {}.", result.next.words));
+  }
   report.paragraphs.push_back(fmt::format(
       "Calibration {}; poses differ by up to {:.1f} deg, the points cover {:.1f} % of their "
       "distance in depth; condition of the normal equations {:.2g}.",
       CalibrationId(result.calibration), result.coverage.max_tilt_deg,
       100.0 * result.coverage.depth_ratio, result.condition));
-  report.tables = {DeviceTable(result), ParameterTable(result), ErrorTable(field),
-                   PoseTable(result, skipped)};
-  if (!result.rejected.empty()) report.tables.push_back(RejectedTable(result));
-  if (!result.trials.empty()) report.tables.push_back(TrialTable(result));
+  report.tables = {DeviceTable(result), ErrorTable(field), PoseTable(result, skipped)};
+  report.details = {ParameterTable(result)};
+  if (!result.rejected.empty()) report.details.push_back(RejectedTable(result));
+  if (!result.trials.empty()) report.details.push_back(TrialTable(result));
   return report;
 }
 

@@ -13,7 +13,9 @@ constexpr const char* kStyle =
     "table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
     "th,td{padding:.35rem .7rem;border-bottom:1px solid #dde3ea;text-align:right}"
     "th:first-child,td:first-child{text-align:left}th{background:#f2f5f9}"
-    ".pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(18rem,1fr));gap:1.2rem}"
+    ".pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,24rem),1fr));"
+    "gap:1.2rem;align-items:start}"
+    "figure:last-child:nth-child(odd){grid-column:1/-1}"
     "figure{margin:0}figure img{width:100%;border:1px solid #dde3ea}"
     "figcaption{font-size:.9rem;color:#4a5668}";
 
@@ -97,6 +99,7 @@ Status WriteReport(const Report& report, const std::string& path) {
            << "</figcaption></figure>\n";
     }
     if (!report.pictures.empty()) page << "</div>\n";
+    for (const Report::Table& table : report.details) WriteTable(page, table);
     page << "</body>\n</html>\n";
     return {};
   });

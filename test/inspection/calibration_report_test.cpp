@@ -111,9 +111,11 @@ TEST(CalibrationReport, HoldsEveryTableAndPicture) {
   const std::string page = *ReadFile(folder / "report.html");
   for (const char* text :
        {"accepted: a &lt; b", "place the target nearer",
-        "<td>camera fx</td><td>800</td><td>0.5</td>",
-        "<td>projector cy</td><td>399.5</td><td>held</td>", "pose &lt;0&gt;", "<td>mirrored</td>",
-        "view 007: no target", "<td>projector</td><td>1.250</td><td>7.5</td>",
+        "<td>camera fx</td><td>800.00</td><td>0.50</td><td>px</td>",
+        "<td>projector cy</td><td>399.5</td><td>not estimated</td><td>px</td>",
+        "<td>T_projector_camera translation x</td><td>-0.2</td><td>not estimated</td><td>m</td>",
+        "pose &lt;0&gt;", "<td>mirrored</td>", "view 007: no target",
+        "<td>projector</td><td>1.250</td><td>7.5</td>",
         "Predicted error of a point from the calibration alone"}) {
     EXPECT_NE(page.find(text), std::string::npos) << text;
   }

@@ -23,6 +23,7 @@ struct Report {
   std::vector<std::string> paragraphs;
   std::vector<Table> tables;
   std::vector<Picture> pictures;
+  std::vector<Table> details;  ///< long tables, below the pictures
 };
 
 /// Writes the page atomically (temporary file, then rename). @return error naming the path.
