@@ -28,10 +28,11 @@ std::string Reasons(const CellRun& run) {
 }
 
 Status CheckNumPoses(const CellRun& run) {
-  if (NumPoses(run) >= run.config.min_poses && NumPoints(run)[kProjector] > 0) return {};
+  const bool has_code = NumPoints(run)[kProjector] > 0;
+  if (NumPoses(run) >= run.config.min_poses && has_code) return {};
   return Fail("{} of {} poses are usable, {} are needed{}{}", NumPoses(run), run.names.size(),
               run.config.min_poses,
-              NumPoints(run)[kProjector] > 0 ? "" : ", and the projector's code is missing in all",
+              has_code || run.names.empty() ? "" : ", and the projector's code is missing in all",
               Reasons(run));
 }
 

@@ -36,6 +36,7 @@ std::string CoverageGrid::EmptyQuarters(const std::string& device) const {
     }
   }
   if (quarters.empty()) return {};
+  if (quarters.size() == 4U) return fmt::format("the {} image is hardly covered", device);
   return fmt::format("the {} image is hardly covered in its {}", device, fmt::join(quarters, ", "));
 }
 

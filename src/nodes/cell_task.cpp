@@ -108,7 +108,7 @@ CalibrateCellResult CellTask::Message() const {
 std::string CellTask::Update() {
   const std::vector<TargetSighting>& sightings = session_.sightings();
   const auto min_poses = static_cast<std::size_t>(setup_.calibration.min_poses);
-  std::string why = fmt::format("{} poses, at least {} are needed", sightings.size(), min_poses);
+  std::string why = fmt::format("{} of at least {} poses", sightings.size(), min_poses);
   if (sightings.size() >= min_poses) {
     const auto& result = session_.Solve();
     if (result) {
