@@ -5,7 +5,6 @@
 
 #include "chain_run.hpp"
 #include "common/constants.hpp"
-#include "common/dense.hpp"
 #include "common/median.hpp"
 #include "hand_eye_verdict.hpp"
 
@@ -65,14 +64,17 @@ SeenAxis FindAxis(const std::vector<SeenTurn>& turns, const Eigen::Vector3d& mid
     axis.median_tilt_rad = tilt;
     axis.direction = direction;
   }
-  // (R - I) c = -t across the axis; the point nearest to the middle of what was seen.
+  // The centre of each turn across its own axis; the point nearest to the middle of what was seen.
   std::array<std::vector<double>, 3> centres;
   const Eigen::Matrix3d across =
       Eigen::Matrix3d::Identity() - axis.direction * axis.direction.transpose();
   for (const SeenTurn& turn : turns) {
-    const Eigen::Matrix3d R_minus_1 = turn.T.linear() - Eigen::Matrix3d::Identity();
-    const Eigen::Vector3d moved = turn.T * middle_camera - middle_camera;
-    const Eigen::Vector3d offset = across * (dense::PseudoInverse(R_minus_1) * -moved);
+    // (I - R) c = moved for a turn by theta about n: c = (moved + cot(theta / 2) n x moved) / 2.
+    const double angle = turn.rotation_rad.norm();
+    const Eigen::Vector3d n = turn.rotation_rad / angle;
+    Eigen::Vector3d moved = turn.T * middle_camera - middle_camera;
+    moved -= n.dot(moved) * n;
+    const Eigen::Vector3d offset = 0.5 * across * (moved + n.cross(moved) / std::tan(0.5 * angle));
     for (Eigen::Index i = 0; i < 3; ++i) {
       centres[static_cast<std::size_t>(i)].push_back(offset[i]);
     }

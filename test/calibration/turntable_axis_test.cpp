@@ -68,6 +68,21 @@ TEST_F(TurntableTest, IsExactOnExactPoses) {
   }
 }
 
+TEST_F(TurntableTest, FindsAnAxisThroughTheTarget) {
+  // Turns hardly move its middle: what they move along the axis must not count.
+  scene_.T_table_target = TransformOf({180.0, 0.0, 0.0}, {-0.125, 0.1, 0.0});
+  Turn(5, 80.0);
+  for (unsigned seed = 1; seed < 11; ++seed) {
+    std::vector<TargetPose> seen = ReadTargets(targets_, {2e-5, 2e-6}, seed);
+    // A solver's rotations are orthogonal to rounding only.
+    for (TargetPose& pose : seen) pose.T_camera_target.linear() *= 1.0 + 1e-13;
+    const auto result = CalibrateTurntable(stops_, seen, config_);
+    ASSERT_TRUE(result) << result.error().message;
+    EXPECT_LT(result->sigma_point_m, 1e-5) << seed;
+    EXPECT_LT(ErrorOfAxis(scene_, *result).distance_m, 5.0 * result->sigma_point_m) << seed;
+  }
+}
+
 TEST_F(TurntableTest, TurnsTheOtherWayRound) {
   Turn(6, 360.0);
   for (TurntableStop& stop : stops_) stop.angle_rad = -stop.angle_rad;
