@@ -27,13 +27,17 @@ std::vector<Json> OutcomeFigures(const std::vector<DevicePoseOutcome>& poses) {
 
 void PrintOutcomes(const std::vector<DevicePoseOutcome>& poses) {
   for (const DevicePoseOutcome& pose : poses) {
-    if (pose.used) {
-      fmt::print("{}: misses by {:.4f} deg, {:.4f} mm; {} points, rms {:.3f} px\n", pose.name,
-                 kDegPerRad * pose.rotation_miss_rad, 1e3 * pose.translation_miss_m,
-                 pose.num_points, pose.rms_px);
-    } else {
+    if (!pose.used) {
       fmt::print("{}: left out: {}\n", pose.name, pose.reason);
+      continue;
     }
+    fmt::print("{}: misses by {:.4f} deg, {:.4f} mm", pose.name,
+               kDegPerRad * pose.rotation_miss_rad, 1e3 * pose.translation_miss_m);
+    // Registered views have poses, but no points of a target.
+    if (pose.num_points > 0) {
+      fmt::print("; {} points, rms {:.3f} px", pose.num_points, pose.rms_px);
+    }
+    fmt::print("\n");
   }
 }
 

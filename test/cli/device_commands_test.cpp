@@ -1,11 +1,15 @@
-// Hand-eye and turntable from sightings, and the edges of the tf tree that they set.
+// Hand-eye and turntable from sightings, scans and views, and the edges of the tf tree that they
+// set; drift from one view.
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 
 #include "fringe_fusion/io/calibration_files.hpp"
 #include "fringe_fusion/io/device_files.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
+#include "fringe_fusion/sim/sim_cell.hpp"
+#include "fringe_fusion/sim/target_plate.hpp"
 #include "fringe_program.hpp"
 #include "test/calibration/device_scene.hpp"
 #include "test/support/data_path.hpp"
@@ -184,6 +188,168 @@ TEST_F(DeviceCommands, TurntableSetsTheEdgeOfItsBase) {
   EXPECT_GT(base.T_parent_child.linear().col(2).dot(expected), 1.0 - 1e-7);
   // Its origin is the foot of the old one on the axis.
   EXPECT_NEAR(base.T_parent_child.translation().dot(expected), 0.0, 1e-3);
+}
+
+/// The number behind "key": in the figures of a run.
+double DeviceFigure(const std::string& json, const std::string& key) {
+  const std::size_t at = json.find('"' + key + "\": ");
+  EXPECT_NE(at, std::string::npos) << key;
+  return at == std::string::npos ? std::nan("")
+                                 : std::strtod(json.c_str() + at + key.size() + 4, nullptr);
+}
+
+/// Holds the axis that the figures of a run state against the true one, camera frame.
+void ExpectAxis(const std::string& json, const Eigen::Vector3d& point,
+                const Eigen::Vector3d& direction) {
+  const auto figure = [&json](const std::string& key) { return DeviceFigure(json, key); };
+  const Eigen::Vector3d found_point(figure("translation_m_x"), figure("translation_m_y"),
+                                    figure("translation_m_z"));
+  const Eigen::Quaterniond q(figure("quaternion_w"), figure("quaternion_x"), figure("quaternion_y"),
+                             figure("quaternion_z"));
+  const Eigen::Vector3d found = q * Eigen::Vector3d::UnitZ();
+  EXPECT_LT(found.cross(direction).norm(), 5.0 * figure("sigma_direction_deg") / 57.3);
+  EXPECT_GT(found.dot(direction), 0.9);
+  EXPECT_LT((found_point - point).cross(direction).norm(), 5.0 * figure("sigma_point_m"));
+}
+
+TEST_F(DeviceCommands, TurntableFromOverlappingViews) {
+  WriteSmallCellConfig(Path("config"));
+  const Outcome simulated = RunFringe(
+      {"simulate", "--config", Path("config/cell.yaml"), "--views", "8", "--out", Path("scan")});
+  ASSERT_EQ(simulated.exit_status, 0) << simulated.err;
+  const Outcome outcome = RunFringe({"turntable", "--views", Path("scan"), "--out",
+                                     Path("table.yaml"), "--json", Path("t.json")});
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("accepted: 8 of 8 stops"), std::string::npos) << outcome.out;
+  EXPECT_EQ(outcome.out.find("points"), std::string::npos) << outcome.out;
+  EXPECT_TRUE(fs::exists(Path("table.yaml")));
+  // The camera looks at a point of the axis from 0.5 m, 25 deg above the table.
+  const double elevation = 25.0 / 57.29577951308232;
+  ExpectAxis(ReadBytes(Path("t.json")), {0.0, 0.0, 0.5},
+             {0.0, -std::cos(elevation), -std::sin(elevation)});
+}
+
+/// Renders a target that lies on a table before the camera, at five stops 20 deg apart.
+void RenderTableScan(const CalibrationTarget& target, const Transform& T_camera_base,
+                     const std::string& folder) {
+  const auto calibration = ReadCellCalibration(SOURCE_DIR "/test/ros/cell_small.yaml");
+  ASSERT_TRUE(calibration) << calibration.error().message;
+  const sim::SurfacePrint print{MakeTargetPrint(target), Transform::Identity(), 1e-4};
+  auto cell = sim::SimCell::Create(sim::SimConfig{}, *calibration, sim::MakeTargetPlate(print),
+                                   Mesh{}, print);
+  ASSERT_TRUE(cell) << cell.error().message;
+  PatternConfig patterns;
+  patterns.fringes = "1,6,36";
+  const auto sequence =
+      MakeSequence(patterns, calibration->projector.width, calibration->projector.height);
+  ASSERT_TRUE(sequence) << sequence.error().message;
+  const auto scan = CreateScan(folder, *calibration, *sequence);
+  ASSERT_TRUE(scan) << scan.error().message;
+  // Face up, its middle on the axis.
+  const Transform T_table_target = test_support::TransformOf({180.0, 0.0, 0.0}, {-0.054, 0.036, 0});
+  for (int k = 0; k < 5; ++k) {
+    const double angle_rad = (20.0 * k - 40.0) * test_support::kRadPerDeg;
+    const Transform T_camera_target =
+        T_camera_base * Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()) * T_table_target;
+    ASSERT_TRUE(cell->MoveTo(T_camera_target.inverse(), k));
+    const auto stack = sim::CaptureStack(*cell, *sequence, 1.0, 0.02, k);
+    ASSERT_TRUE(stack) << stack.error().message;
+    ASSERT_TRUE(WriteStack(*scan, *stack, std::nullopt, {angle_rad}));
+  }
+}
+
+TEST_F(DeviceCommands, TurntableFromAScanOfATarget) {
+  const std::string target_file = SOURCE_DIR "/config/cell_sim/target.yaml";
+  const auto target = LoadTarget(target_file);
+  ASSERT_TRUE(target) << target.error().message;
+  const Transform T_camera_base = test_support::TransformOf({150.0, 0.0, 0.0}, {0.0, 0.0, 0.5});
+  RenderTableScan(*target, T_camera_base, Path("scan"));
+  std::vector<std::string> call = {"turntable",        "--dataset", Path("scan"),
+                                   "--target",         target_file, "--out",
+                                   Path("table.yaml"), "--json",    Path("t.json")};
+  const Outcome outcome = RunFringe(call);
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("accepted: 5 of 5 stops over 80.0 deg"), std::string::npos)
+      << outcome.out;
+  EXPECT_NE(outcome.out.find("70 points"), std::string::npos) << outcome.out;
+  ExpectAxis(ReadBytes(Path("t.json")), T_camera_base.translation(), T_camera_base.linear().col(2));
+  call.insert(call.end(), {"--joint", "1"});
+  EXPECT_NE(Refusal(call).find("view.yaml has 1 joint_positions, --joint 1 asks for one more"),
+            std::string::npos);
+}
+
+class RecalibrateCommand : public DeviceCommands {
+ protected:
+  /// cell.yaml with a covariance, and one sighting of the cell as it is later.
+  void WriteLater(const CellCalibration& later) const {
+    CellCalibrationResult before;
+    before.calibration = test_support::SceneCell();
+    before.covariance.diagonal().head<4>().setConstant(0.04);
+    before.covariance.diagonal().segment<4>(9).setConstant(0.04);
+    before.covariance.diagonal().tail<6>().setConstant(1e-10);
+    ASSERT_TRUE(WriteCalibratedCell(before, Path("cell.yaml")));
+    const CalibrationTarget target = test_support::SceneTarget();
+    SightingsFile file;
+    file.target = target;
+    const DeviceSizes sizes = test_support::SizesOf(later);
+    file.camera_width = sizes.camera_width;
+    file.camera_height = sizes.camera_height;
+    file.projector_width = sizes.projector_width;
+    file.projector_height = sizes.projector_height;
+    file.sightings = {test_support::Sight(
+        later, target, TargetPoints(target),
+        test_support::ScenePose(target, {0.01, -0.02, 0.7}, 0.4, 1.0, 0.2), {}, "later")};
+    ASSERT_TRUE(SaveSightings(file, Path("s.yaml")));
+  }
+  [[nodiscard]] std::vector<std::string> Call() const {
+    return {"recalibrate", "--cell",         Path("cell.yaml"), "--sightings", Path("s.yaml"),
+            "--out",       Path("now.yaml"), "--json",          Path("r.json")};
+  }
+};
+
+TEST_F(RecalibrateCommand, FindsAProjectorThatTurned) {
+  CellCalibration later = test_support::SceneCell();
+  Vector6d moved;
+  moved << 5e-4, -7e-4, 2e-4, 0.0, 0.0, 0.0;
+  later.T_projector_camera = later.T_projector_camera * Exp(moved);
+  WriteLater(later);
+  const Outcome outcome = RunFringe(Call());
+  ASSERT_EQ(outcome.exit_status, 0) << outcome.err;
+  EXPECT_NE(outcome.out.find("the cell has moved"), std::string::npos) << outcome.out;
+  EXPECT_NE(outcome.out.find("told: "), std::string::npos) << outcome.out;
+  const std::string json = ReadBytes(Path("r.json"));
+  EXPECT_NE(json.find("\"has_moved\": true"), std::string::npos) << json;
+  EXPECT_LT(DeviceFigure(json, "rms_after_px"), 0.2 * DeviceFigure(json, "rms_before_px"));
+  const auto now = ReadCellCalibration(Path("now.yaml"));
+  ASSERT_TRUE(now) << now.error().message;
+  // Where the projector sees a point of the volume, before and after.
+  const Eigen::Vector3d point(0.05, 0.03, 0.7);
+  const auto pixel = [&point](const CellCalibration& cell) {
+    return Project(cell.projector, cell.T_projector_camera * point);
+  };
+  const double before_px = (pixel(test_support::SceneCell()) - pixel(later)).norm();
+  EXPECT_GT(before_px, 0.5);
+  EXPECT_LT((pixel(*now) - pixel(later)).norm(), 0.1 * before_px);
+  EXPECT_TRUE(ReadCellCovariance(Path("now.yaml")));
+}
+
+TEST_F(RecalibrateCommand, SaysWhatIsWrong) {
+  EXPECT_NE(Refusal({"recalibrate", "--cell", Path("cell.yaml"), "--out", Path("now.yaml")})
+                .find("cell.yaml: cannot be read"),
+            std::string::npos);
+  WriteLater(test_support::SceneCell());
+  EXPECT_NE(Refusal({"recalibrate", "--cell", Path("cell.yaml"), "--out", Path("now.yaml")})
+                .find("exactly one of --dataset and --sightings"),
+            std::string::npos);
+  auto seen = LoadSightings(Path("s.yaml"));
+  ASSERT_TRUE(seen) << seen.error().message;
+  seen->sightings.push_back(seen->sightings.front());
+  seen->sightings.back().name = "again";
+  ASSERT_TRUE(SaveSightings(*seen, Path("s.yaml")));
+  EXPECT_NE(Refusal(Call()).find("has 2 sightings, one is needed"), std::string::npos);
+  ASSERT_TRUE(WriteCellCalibration(test_support::SceneCell(), Path("cell.yaml")));
+  EXPECT_NE(Refusal(Call()).find("covariance"), std::string::npos) << Refusal(Call());
+  EXPECT_FALSE(fs::exists(Path("now.yaml")));
 }
 
 TEST_F(DeviceCommands, TurntableSaysWhatIsWrong) {
