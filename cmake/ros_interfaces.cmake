@@ -12,7 +12,7 @@ add_service_files(FILES
   QueryDistance.srv ReadModel.srv SelfCalibrate.srv ShowPattern.srv SimExpose.srv SimPlace.srv SimProject.srv
   SolveRelativePose.srv SolveViewPose.srv SuggestSettings.srv WriteModel.srv)
 add_action_files(FILES
-  CalibrateCell.action MoveToView.action ScanObject.action ScanView.action)
+  CalibrateCell.action CalibrateHandEye.action CalibrateTurntable.action MoveToView.action ScanObject.action ScanView.action)
 generate_messages(DEPENDENCIES actionlib_msgs geometry_msgs sensor_msgs std_msgs
   LANGS gencpp genpy)
 generate_dynamic_reconfigure_options(config/Camera.cfg)

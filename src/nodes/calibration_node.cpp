@@ -42,7 +42,30 @@ Result<CalibrationNode::Setup> CalibrationNode::LoadSetup(const ros::NodeHandle&
   auto in_force = ReadCellCalibration(config->calibration_file);
   if (!in_force) return Forward(in_force);
   setup.in_force = std::move(*in_force);
+  if (Status status = LoadDevices(private_nh, setup); !status) return Forward(status);
   return setup;
+}
+
+Status CalibrationNode::LoadDevices(const ros::NodeHandle& private_nh, Setup& setup) {
+  const auto hand_eye = ros_io::LoadConfig<HandEyeConfig>(ros::NodeHandle(private_nh, "hand_eye"));
+  if (!hand_eye) return Forward(hand_eye);
+  setup.hand_eye = *hand_eye;
+  const ros::NodeHandle hand_eye_nh(private_nh, "hand_eye_frames");
+  const auto hand_eye_frames = ros_io::LoadConfig<HandEyeSetup>(hand_eye_nh);
+  if (!hand_eye_frames) return Forward(hand_eye_frames);
+  setup.hand_eye_frames = *hand_eye_frames;
+  const auto mount = HandEyeMountFromName(hand_eye_frames->mount);
+  if (!mount) return Fail("{}: {}", hand_eye_nh.getNamespace(), mount.error().message);
+  setup.mount = *mount;
+  const auto turntable =
+      ros_io::LoadConfig<TurntableConfig>(ros::NodeHandle(private_nh, "turntable"));
+  if (!turntable) return Forward(turntable);
+  setup.turntable = *turntable;
+  const auto turntable_frames =
+      ros_io::LoadConfig<TurntableSetup>(ros::NodeHandle(private_nh, "turntable_frames"));
+  if (!turntable_frames) return Forward(turntable_frames);
+  setup.turntable_frames = *turntable_frames;
+  return {};
 }
 
 CalibrationNode::CalibrationNode(const ros::NodeHandle& nh, Setup setup)
@@ -51,19 +74,40 @@ CalibrationNode::CalibrationNode(const ros::NodeHandle& nh, Setup setup)
       capture_(nh_, {{setup_.config.server_timeout_s, setup_.config.scan_timeout_s},
                      setup_.config.frames_timeout_s}),
       files_(nh_, setup_.reload_nodes, setup_.config.reload_timeout_s),
+      tf_listener_(tf_buffer_, nh_),
       cell_task_(nh_,
                  {setup_.config.calibration_file, setup_.config.camera_info_folder,
                   setup_.config.camera_frame, setup_.config.marker_enlarge, setup_.target,
                   setup_.calibration, setup_.in_force},
                  files_),
+      hand_eye_task_(nh_, Devices(), tf_buffer_, files_,
+                     HandEyeTask::Setup{setup_.hand_eye_frames, setup_.mount, setup_.hand_eye}),
+      turntable_task_(nh_, Devices(), tf_buffer_, files_, setup_.turntable_frames,
+                      setup_.turntable),
       cell_server_(
           nh_, "calibrate_cell",
           [this](const CalibrateCellGoalConstPtr& goal) {
             Execute(cell_server_, cell_task_,
                     {goal->step, goal->pose, goal->force != 0, goal->report_folder});
           },
+          /*auto_start=*/false),
+      hand_eye_server_(
+          nh_, "calibrate_hand_eye",
+          [this](const CalibrateHandEyeGoalConstPtr& goal) {
+            Execute(hand_eye_server_, hand_eye_task_,
+                    {goal->step, goal->pose, goal->force != 0, ""});
+          },
+          /*auto_start=*/false),
+      turntable_server_(
+          nh_, "calibrate_turntable",
+          [this](const CalibrateTurntableGoalConstPtr& goal) {
+            Execute(turntable_server_, turntable_task_,
+                    {goal->step, goal->pose, goal->force != 0, ""});
+          },
           /*auto_start=*/false) {
   cell_server_.start();
+  hand_eye_server_.start();
+  turntable_server_.start();
   ROS_INFO("ready to calibrate with a target '%s' of %d x %d points",
            TargetKindName(setup_.target.kind), setup_.target.num_columns, setup_.target.num_rows);
 }
@@ -71,6 +115,17 @@ CalibrationNode::CalibrationNode(const ros::NodeHandle& nh, Setup setup)
 CalibrationNode::~CalibrationNode() {
   stopping_ = true;
   cell_server_.shutdown();
+  hand_eye_server_.shutdown();
+  turntable_server_.shutdown();
+}
+
+DeviceContext CalibrationNode::Devices() const {
+  return {setup_.config.camera_frame,
+          setup_.config.edges_file,
+          setup_.config.scanner_node,
+          setup_.config.tf_timeout_s,
+          setup_.target,
+          [this] { return cell_task_.in_force(); }};
 }
 
 template <typename Action, typename Task>

@@ -37,6 +37,7 @@ class CellTask : public CalibrationTask {
   [[nodiscard]] Result<std::string> Solve(const std::string& report_folder) override;
   [[nodiscard]] Result<std::string> Accept(bool force) override;
 
+  [[nodiscard]] const CellCalibration& in_force() const { return setup_.in_force; }
   /// With the state that was published last.
   [[nodiscard]] CalibrateCellResult Message() const;
 
