@@ -12,7 +12,7 @@ constexpr const char* kStyle =
     "h2{font-size:1.15rem;margin:2rem 0 .5rem;color:#2b6cb0}"
     "table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
     "th,td{padding:.35rem .7rem;border-bottom:1px solid #dde3ea;text-align:right}"
-    "th:first-child,td:first-child{text-align:left}th{background:#f2f5f9}"
+    "th:first-child,td:first-child{text-align:left;white-space:nowrap}th{background:#f2f5f9}"
     ".pictures{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,24rem),1fr));"
     "gap:1.2rem;align-items:start}"
     "figure:last-child:nth-child(odd){grid-column:1/-1}"
