@@ -37,7 +37,11 @@ Result<std::vector<int>> FindViews(const fs::path& views) {
   if (!fs::exists(views, code)) return ids;
   for (fs::directory_iterator it(views, code), end; !code && it != end; it.increment(code)) {
     const std::string name = it->path().filename().string();
-    if (!IsNumber(name) || !fs::exists(it->path() / "view.yaml")) continue;
+    if (!IsNumber(name)) continue;
+    if (!fs::exists(it->path() / "view.yaml")) {
+      return Fail("{}: has no view.yaml: complete the view, or remove its folder",
+                  it->path().string());
+    }
     const int id = std::stoi(name);
     if (ViewName(id) != name) {
       return Fail("{}: the folder of view {} must be named {}", it->path().string(), id,

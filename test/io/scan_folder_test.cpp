@@ -136,11 +136,10 @@ TEST_F(ScanFolderTest, FilesAreTheSameBytesOnAnyNumberOfThreads) {
   }
 }
 
-TEST_F(ScanFolderTest, ListsCompleteViewsInOrder) {
+TEST_F(ScanFolderTest, ListsViewsInOrderAndNamesIncompleteOnes) {
   for (const int id : {12, 3, 1000}) {
     ASSERT_TRUE(WriteStack(scan_, Stack(8, id), std::nullopt, {}));
   }
-  std::filesystem::create_directories(scan_.path + "/views/007");    // no view.yaml
   std::filesystem::create_directories(scan_.path + "/views/notes");  // no view
   const auto scan = OpenScan(scan_.path);
   ASSERT_TRUE(scan) << scan.error().message;
@@ -149,6 +148,10 @@ TEST_F(ScanFolderTest, ListsCompleteViewsInOrder) {
   std::filesystem::rename(scan_.path + "/views/003", scan_.path + "/views/3");
   EXPECT_EQ(MessageOf(OpenScan(scan_.path)),
             scan_.path + "/views/3: the folder of view 3 must be named 003");
+  std::filesystem::rename(scan_.path + "/views/3", scan_.path + "/views/003");
+  std::filesystem::create_directories(scan_.path + "/views/007");
+  EXPECT_EQ(MessageOf(OpenScan(scan_.path)),
+            scan_.path + "/views/007: has no view.yaml: complete the view, or remove its folder");
 }
 
 TEST_F(ScanFolderTest, KeepsTheEarlierViewWhenTheDiskFillsUp) {
