@@ -169,6 +169,23 @@ TEST_F(AravisCameraTest, SaysThatTheDeviceIsMissingAndWorksOnceItIsThere) {
   CaptureChecked();
 }
 
+TEST_F(AravisCameraTest, FindsTheDeviceByItsSerialNumber) {
+  StartServer(0.0);
+  AravisCameraConfig config = Config();
+  config.device = "FFTEST1";
+  AravisCamera camera(config, kWidth, kHeight);
+  ASSERT_TRUE(camera.Configure(kExposureS, 1.0));
+  CaptureChecked(camera);
+  config.device = "FFTEST2";
+  AravisCamera other(config, kWidth, kHeight);
+  ASSERT_TRUE(other.Configure(kExposureS, 1.0));
+  const Result<CapturedFrame> missing = other.Capture(2.0);
+  ASSERT_FALSE(missing);
+  for (const char* word : {"'FFTEST2' was not found", "FFTEST1 at 127.0.0.1"}) {
+    EXPECT_NE(missing.error().message.find(word), std::string::npos) << missing.error().message;
+  }
+}
+
 TEST_F(AravisCameraTest, NamesADeviceThatStopsAnswering) {
   StartServer(0.0);
   ASSERT_TRUE(camera_.Configure(kExposureS, 1.0));

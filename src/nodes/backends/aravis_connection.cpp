@@ -55,6 +55,27 @@ const char* StatusWords(ArvBufferStatus status) {
   }
 }
 
+std::string Text(const char* text) { return text != nullptr ? text : ""; }
+
+/// Aravis' id of the device with this serial number; "" if there is none.
+std::string DeviceWithSerial(const std::string& serial) {
+  arv_update_device_list();
+  for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
+    if (Text(arv_get_device_serial_nbr(i)) == serial) return Text(arv_get_device_id(i));
+  }
+  return "";
+}
+
+/// The devices of the last search.
+std::string DevicesFound() {
+  std::string list;
+  for (unsigned int i = 0; i < arv_get_n_devices(); ++i) {
+    list += fmt::format("{}{} at {}", i > 0 ? ", " : "", Text(arv_get_device_id(i)),
+                        Text(arv_get_device_address(i)));
+  }
+  return list.empty() ? "none" : list;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<AravisCamera::Connection>> AravisCamera::Connection::Open(
@@ -63,9 +84,16 @@ Result<std::unique_ptr<AravisCamera::Connection>> AravisCamera::Connection::Open
   GlibError error;
   const char* name = config.device.empty() ? nullptr : config.device.c_str();
   connection->camera_.reset(arv_camera_new(name, error.Out()));
+  if (!connection->camera_ && name != nullptr) {
+    // Aravis itself knows addresses, user-defined names and VENDOR-MODEL-SERIAL.
+    const std::string id = DeviceWithSerial(config.device);
+    if (!id.empty()) connection->camera_.reset(arv_camera_new(id.c_str(), error.Out()));
+  }
   if (!connection->camera_) {
-    return Fail("GenICam camera '{}' was not found: {}: check power, cable and address",
-                config.device, error.words());
+    return Fail(
+        "GenICam camera '{}' was not found: {}: check power, cable and address; "
+        "found are: {}",
+        config.device, error.words(), DevicesFound());
   }
   ArvCamera* camera = connection->camera_.get();
   const char* model = arv_camera_get_model_name(camera, nullptr);
