@@ -89,7 +89,7 @@ Status WritePhasePicture(Work& work, int view_id, const PhaseMap& phase) {
   work.report.pictures.push_back({fmt::format("Projector {} seen by each camera pixel, view {}",
                                               phase.u.empty() ? "row" : "column", view_id),
                                   "phase.png"});
-  return WriteImage(RenderScalar(coordinate), (work.folder / "phase.png").string());
+  return WriteImage(RenderScalar(coordinate, "px"), (work.folder / "phase.png").string());
 }
 
 /// Frames of one view -> range image, after a look at the frames: where they yield nothing, the

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -227,7 +228,41 @@ std::vector<Rgb8> DeviationColors(const std::vector<float>& deviation_m, double 
   return colors;
 }
 
-Image<Rgb8> RenderScalar(const Image<float>& image) {
+namespace {
+
+/// One end of a colour bar to the other: the colour at [0, 1] from the bottom, and the labels from
+/// the top, evenly spaced.
+Image<Rgb8> AddBar(const Image<Rgb8>& picture, const std::function<Rgb8(float)>& color_at,
+                   const std::vector<std::string>& labels) {
+  constexpr int kBarWidth = 24;
+  constexpr int kExtraWidth = 140;
+  const int height = picture.height();
+  Image<Rgb8> result(picture.width() + kExtraWidth, height, Rgb8{255, 255, 255});
+  for (int y = 0; y < height; ++y) {
+    std::copy(picture.row(y), picture.row(y) + picture.width(), result.row(y));
+  }
+  const int top = height / 10;
+  const int length = std::max(1, height - 2 * top);
+  const int left = picture.width() + 12;
+  for (int i = 0; i < length; ++i) {
+    const Rgb8 color = color_at(1.0F - (static_cast<float>(i) + 0.5F) / static_cast<float>(length));
+    for (int x = 0; x < kBarWidth && top + i < height; ++x) result(left + x, top + i) = color;
+  }
+  cv::Mat mat(height, result.width(), CV_8UC3, result.data());
+  const int num_steps = static_cast<int>(labels.size()) - 1;
+  for (int i = 0; i <= num_steps; ++i) {
+    cv::putText(mat, labels[static_cast<std::size_t>(i)],
+                cv::Point(left + kBarWidth + 6, top + length * i / num_steps + 5),
+                cv::FONT_HERSHEY_SIMPLEX, 0.45, cv::Scalar(30, 30, 30), 1, cv::LINE_AA);
+  }
+  return result;
+}
+
+constexpr int kNumLabels = 5;
+
+}  // namespace
+
+Image<Rgb8> RenderScalar(const Image<float>& image, const std::string& unit) {
   Image<Rgb8> picture(image.width(), image.height());
   std::vector<float> values;
   for (const float value : image) {
@@ -245,44 +280,35 @@ Image<Rgb8> RenderScalar(const Image<float>& image) {
   for (int i = 0; i < 256; ++i) ramp.at<std::uint8_t>(0, i) = static_cast<std::uint8_t>(i);
   cv::Mat table;
   cv::applyColorMap(ramp, table, cv::COLORMAP_TURBO);
+  const auto color_at = [&table](float ratio) {
+    const auto bgr = table.at<cv::Vec3b>(0, ToByte(255.0F * ratio));
+    return Rgb8{bgr[2], bgr[1], bgr[0]};
+  };
   for (std::size_t i = 0; i < image.size(); ++i) {
     if (!std::isfinite(image[i])) continue;
-    const float ratio = high > low ? (image[i] - low) / (high - low) : 0.5F;
-    const auto bgr = table.at<cv::Vec3b>(0, ToByte(255.0F * ratio));
-    picture[i] = {bgr[2], bgr[1], bgr[0]};
+    picture[i] = color_at(high > low ? (image[i] - low) / (high - low) : 0.5F);
   }
-  return picture;
+  if (unit.empty()) return picture;
+  std::vector<std::string> labels;
+  for (int label = 0; label < kNumLabels; ++label) {
+    const double ratio = 1.0 - static_cast<double>(label) / (kNumLabels - 1);
+    const double value = static_cast<double>(low) + ratio * static_cast<double>(high - low);
+    labels.push_back(fmt::format("{:.4g} {}", value, unit));
+  }
+  return AddBar(picture, color_at, labels);
 }
 
 Image<Rgb8> WithColorBar(const Image<Rgb8>& picture, double limit_mm) {
   if (!(limit_mm > 0.0)) {
     throw std::invalid_argument(fmt::format("WithColorBar: limit {} mm", limit_mm));
   }
-  constexpr int kBarWidth = 24;
-  constexpr int kExtraWidth = 140;
-  const int height = picture.height();
-  Image<Rgb8> result(picture.width() + kExtraWidth, height, Rgb8{255, 255, 255});
-  for (int y = 0; y < height; ++y) {
-    std::copy(picture.row(y), picture.row(y) + picture.width(), result.row(y));
-  }
-  const int top = height / 10;
-  const int length = std::max(1, height - 2 * top);
-  const int left = picture.width() + 12;
-  for (int i = 0; i < length; ++i) {
-    const Rgb8 color =
-        DeviationColor(1.0F - 2.0F * (static_cast<float>(i) + 0.5F) / static_cast<float>(length));
-    for (int x = 0; x < kBarWidth && top + i < height; ++x) result(left + x, top + i) = color;
-  }
-  cv::Mat mat(height, result.width(), CV_8UC3, result.data());
-  constexpr int kNumLabels = 5;
+  std::vector<std::string> labels;
   for (int label = 0; label < kNumLabels; ++label) {
     const double value = limit_mm * (1.0 - 2.0 * label / (kNumLabels - 1));
-    const int y = top + length * label / (kNumLabels - 1);
-    const std::string text = fmt::format("{:+.3g} mm", value);
-    cv::putText(mat, value == 0.0 ? "0 mm" : text, cv::Point(left + kBarWidth + 6, y + 5),
-                cv::FONT_HERSHEY_SIMPLEX, 0.45, cv::Scalar(30, 30, 30), 1, cv::LINE_AA);
+    labels.push_back(value == 0.0 ? "0 mm" : fmt::format("{:+.3g} mm", value));
   }
-  return result;
+  return AddBar(
+      picture, [](float ratio) { return DeviationColor(2.0F * ratio - 1.0F); }, labels);
 }
 
 }  // namespace fringe_fusion

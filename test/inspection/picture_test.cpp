@@ -137,6 +137,10 @@ TEST(RenderScalar, StretchesBetweenQuantilesAndLeavesNanBlack) {
   EXPECT_TRUE(RenderScalar(Image<float>()).empty());
   const Image<Rgb8> constant = RenderScalar(Image<float>(3, 3, 7.0F));
   EXPECT_GT(constant(1, 1).g, 100);
+  const Image<Rgb8> scaled = RenderScalar(Image<float>(50, 200, 7.0F), "px");
+  ASSERT_GT(scaled.width(), 50);
+  EXPECT_GT(scaled(50 + 20, 30).r, scaled(50 + 20, 30).b);  // the largest value on top
+  EXPECT_GT(scaled(50 + 20, 165).b, scaled(50 + 20, 165).r);
 }
 
 TEST(WithColorBar, AddsTheScaleAtTheRight) {

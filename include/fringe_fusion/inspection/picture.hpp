@@ -20,9 +20,10 @@ namespace fringe_fusion {
                                                 double limit_m);
 
 /// False-colour picture of a scalar image between its 1 % and 99 % quantiles; NaN is black.
-[[nodiscard]] Image<Rgb8> RenderScalar(const Image<float>& image);
+/// @param unit when given, a colour bar labelled in it is added at the right edge, e.g. "px".
+[[nodiscard]] Image<Rgb8> RenderScalar(const Image<float>& image, const std::string& unit = "");
 
-/// Adds a labelled colour bar [-limit_mm, limit_mm] at the right edge.
+/// Adds a colour bar of signed deviations, labelled [-limit_mm, limit_mm], at the right edge.
 [[nodiscard]] Image<Rgb8> WithColorBar(const Image<Rgb8>& picture, double limit_mm);
 
 }  // namespace fringe_fusion
