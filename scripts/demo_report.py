@@ -29,7 +29,8 @@ def inspection_rows(folder):
             name,
             millimetres(to_truth["rms_m"]), millimetres(to_truth["p95_abs_m"]),
             millimetres(to_model["rms_m"]), millimetres(to_model["p95_abs_m"]),
-            f"{100 * figures['completeness_ratio']:.2f} %",
+            f"{100 * figures['completeness_ratio']:.2f} % within "
+            f"{figures['complete_distance_m'] * 1e3:g} mm",
         ])
     return rows
 
@@ -75,6 +76,8 @@ def main():
     print("\nSummary")
     for name, value in scan:
         print(f"  {name:32} {value:>14}")
+    for warning in figures["warnings"]:
+        print(f"  registration: {warning}")
     print("\n  " + " | ".join(INSPECTION_HEADER))
     for row in deviation:
         print("  " + " | ".join(row))
@@ -90,6 +93,7 @@ stop. Nothing was aligned to the truth before comparing.</p>
 {picture("tf/phase.png", "Projector column of view 000")}
 {picture("tf/inspection/deviation.png", "Signed deviation with the poses of tf alone [mm]")}
 {table(["scan", ""], scan)}
+{table(["registration: what to look at"], [[w] for w in figures["warnings"]]) if figures["warnings"] else ""}
 </body></html>
 """
     (folder / "report.html").write_text(page, encoding="utf-8")

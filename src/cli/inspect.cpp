@@ -123,7 +123,8 @@ Status Inspect(const InspectOptions& options, Session& session) {
                 UnitAdvice(options, *mesh, *reference));
   }
   session.console.End();
-  session.figures.Set("inspection", InspectionFigures(*result));
+  session.figures.Set("inspection", InspectionFigures(*result).Set("complete_distance_m",
+                                                                   config->complete_distance_m));
   fmt::print(
       "model to reference: rms {:.4f} mm, 95 % {:.4f} mm, max {:.4f} mm ({} of {} farther)\n",
       result->model_to_reference.rms_m * 1e3, result->model_to_reference.p95_abs_m * 1e3,
@@ -132,7 +133,8 @@ Status Inspect(const InspectOptions& options, Session& session) {
   fmt::print("reference to model: rms {:.4f} mm, 95 % {:.4f} mm, max {:.4f} mm\n",
              result->reference_to_model.rms_m * 1e3, result->reference_to_model.p95_abs_m * 1e3,
              result->reference_to_model.max_abs_m * 1e3);
-  fmt::print("completeness: {:.2f} %\n", 100.0 * result->completeness_ratio);
+  fmt::print("completeness: {:.2f} % within {:.4g} mm\n", 100.0 * result->completeness_ratio,
+             config->complete_distance_m * 1e3);
   if (options.report.empty()) return {};
   return WriteDeviationReport(options, std::move(*mesh), *result);
 }

@@ -150,6 +150,7 @@ Result<CellNode::Run> CellNode::Scan(const ScanObjectGoal& goal) {
   }
   run->figures.rms_before_m = registered.rms_before;
   run->figures.rms_after_m = registered.rms_after;
+  run->figures.warnings = registered.warnings;
   Feedback(*run, "writing the report", 0.99);
   if (Status status = WriteOutput(*run, registered.poses); !status) return failed(status);
   return run;
@@ -407,6 +408,11 @@ Status CellNode::ExtractMesh(Run& run, std::uint32_t pose_revision) {
   if (!surface) return tl::unexpected<Error>(surface.error());
   run.figures.num_vertices = static_cast<int>(surface->num_vertices);
   run.figures.num_faces = static_cast<int>(surface->num_faces);
+  for (const ViewStatus& status : surface->views) {
+    ScanFigures::View& view = run.views[static_cast<int>(status.view_id)];
+    view.num_points = static_cast<int>(status.num_points);
+    view.num_dropped = static_cast<int>(status.num_dropped);
+  }
   return {};
 }
 
@@ -421,24 +427,23 @@ Status CellNode::WriteOutput(Run& run, const ViewPoses& poses) {
   }
   if (Status status = WritePoses(*solved, run.folder + "/poses.conf"); !status) return status;
 
-  std::map<int, ScanFigures::View> views;
   for (const auto& [id, progress] : tracker_.Views()) {
-    views[id] = {id, progress.num_points, progress.num_dropped, 0.0, 0.0, false, {}};
+    run.views[id].id = id;
     run.seconds["phase (in parallel)"] += progress.phase_s;
     run.seconds["fusion of views (in parallel)"] += progress.fusion_s;
   }
   for (const ViewPose& pose : poses.views) {
-    ScanFigures::View& view = views[static_cast<int>(pose.view_id)];
+    ScanFigures::View& view = run.views[static_cast<int>(pose.view_id)];
     view.overlap_ratio = pose.overlap;
     view.rms_m = pose.rms;
     view.connected = pose.connected != 0;
   }
   for (const auto& [id, findings] : run.findings) {
     for (const CaptureFinding& finding : findings) {
-      views[id].findings.push_back({finding.name, finding.evidence, finding.advice});
+      run.views[id].findings.push_back({finding.name, finding.evidence, finding.advice});
     }
   }
-  for (const auto& entry : views) run.figures.views.push_back(entry.second);
+  for (const auto& entry : run.views) run.figures.views.push_back(entry.second);
   run.figures.seconds.assign(run.seconds.begin(), run.seconds.end());
   if (Status status = WriteFigures(run.figures, run.folder + "/figures.json"); !status) {
     return status;

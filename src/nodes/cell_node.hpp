@@ -78,6 +78,7 @@ class CellNode {
     ScanJob job;
     std::map<int, int> num_resends;
     std::map<int, std::vector<CaptureFinding>> findings;  ///< of every view that was examined
+    std::map<int, ScanFigures::View> views;               ///< what becomes figures.views
     ScanFigures figures;
     std::map<std::string, double> seconds;
   };

@@ -32,6 +32,16 @@ std_msgs::ColorRGBA Color(float r, float g, float b, float a) {
   return color;
 }
 
+ViewStatus StatusOf(int view_id, const ScanModel::Counts& counts) {
+  ViewStatus status;
+  status.view_id = static_cast<std::uint32_t>(view_id);
+  status.stage = "fusion";
+  status.success = 1;
+  status.num_points = static_cast<std::uint32_t>(counts.num_points);
+  status.num_dropped = static_cast<std::uint32_t>(counts.num_dropped);
+  return status;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<FusionNode>> FusionNode::Create(ros::NodeHandle nh,
@@ -101,19 +111,13 @@ Result<ScanModel::Counts> FusionNode::Integrate(const RangeView& message) {
   const auto start = Clock::now();
   const Result<ScanModel::Counts> counts = AddToModel(message);
   model_changed_.notify_all();
-  ViewStatus status;
+  ViewStatus status =
+      StatusOf(static_cast<int>(message.view_id), counts.value_or(ScanModel::Counts()));
   status.header = message.header;
   status.scan_id = message.scan_id;
-  status.view_id = message.view_id;
-  status.stage = "fusion";
   status.success = static_cast<std::uint8_t>(counts.has_value());
   status.duration = std::chrono::duration<double>(Clock::now() - start).count();
-  if (counts) {
-    status.num_points = static_cast<std::uint32_t>(counts->num_points);
-    status.num_dropped = static_cast<std::uint32_t>(counts->num_dropped);
-  } else {
-    status.message = counts.error().message;
-  }
+  if (!counts) status.message = counts.error().message;
   status_publisher_.publish(status);
   return counts;
 }
@@ -190,7 +194,9 @@ bool FusionNode::OnExtract(ExtractSurface::Request& request, ExtractSurface::Res
   response.num_faces = static_cast<std::uint32_t>(mesh->faces.size());
   response.num_filled_faces = static_cast<std::uint32_t>(
       std::count(mesh->filled_faces.begin(), mesh->filled_faces.end(), 1));
-  response.num_dropped = static_cast<std::uint32_t>(model_.TotalCounts().num_dropped);
+  for (const auto& [id, counts] : model_.ViewCounts()) {
+    response.views.push_back(StatusOf(id, counts));
+  }
   PublishMesh(*mesh);
   PublishCells();
   return true;
@@ -334,9 +340,9 @@ void FusionNode::PublishCells() {
   const std_msgs::Header header = Header();
   octomap_publisher_.publish(ros_io::ToMessage(*map, header.frame_id, header.stamp));
   occupied_publisher_.publish(
-      ros_io::ToMarker(map->OccupiedCells(), header, Color(0.9F, 0.5F, 0.1F, 0.15F)));
+      ros_io::ToMarker(map->OccupiedCells(), header, Color(0.9F, 0.5F, 0.1F, 0.35F)));
   free_publisher_.publish(
-      ros_io::ToMarker(map->FreeCells(), header, Color(0.2F, 0.7F, 0.9F, 0.04F)));
+      ros_io::ToMarker(map->FreeCells(), header, Color(0.2F, 0.7F, 0.9F, 0.06F)));
 }
 
 std_msgs::Header FusionNode::Header() const {

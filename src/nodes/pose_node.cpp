@@ -115,7 +115,10 @@ Result<int> PoseNode::AcceptView(const RangeView& message) {
   posed.pose.pose = ros_io::ToMessage(view->pose);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (message.scan_id != scan_id_) StartScan(message.scan_id);
+    if (message.scan_id != scan_id_) {
+      StartScan(message.scan_id);
+      capture_delay_ = ros::Time::now() - message.header.stamp;
+    }
     view_frames_[view->id] = view->pose.T_object_camera;
     const int id = view->id;
     views_.insert_or_assign(id, std::move(*view));
@@ -188,6 +191,7 @@ bool PoseNode::OnOptimize(OptimizeViews::Request& request, OptimizeViews::Respon
                   result->converged ? "" : " (not converged)", num_loose);
   for (const std::string& warning : result->warnings) {
     response.message += "; " + warning;
+    response.warnings.push_back(warning);
     ROS_WARN("registration: %s", warning.c_str());
   }
   ROS_INFO("%s; rms %.4g -> %.4g mm", response.message.c_str(), 1e3 * result->rms_before_m,
@@ -267,11 +271,12 @@ void PoseNode::PublishState() {
 }
 
 void PoseNode::BroadcastViewFrames() {
-  // Broadcast again and again instead of once as static: so they fade from tf after a reset.
+  // Broadcast again and again instead of once as static: so they fade from tf after a reset. In
+  // the time of the captures: the tf of a bag would else always be older than these frames.
   std::vector<geometry_msgs::TransformStamped> frames;
   for (const auto& [id, T_object_camera] : view_frames_) {
     geometry_msgs::TransformStamped frame;
-    frame.header.stamp = ros::Time::now();
+    frame.header.stamp = ros::Time::now() - capture_delay_;
     frame.header.frame_id = configs_.node.object_frame;
     frame.child_frame_id = fmt::format("view_{:03}", id);
     frame.transform = ros_io::ToTransformMessage(T_object_camera);

@@ -99,13 +99,10 @@ Status ScanModel::Rebuild(Entry& entry) {
   return model_.AddView(cropped->view);
 }
 
-ScanModel::Counts ScanModel::TotalCounts() const {
-  Counts total;
-  for (const auto& [id, entry] : entries_) {
-    total.num_points += entry.counts.num_points;
-    total.num_dropped += entry.counts.num_dropped;
-  }
-  return total;
+std::map<int, ScanModel::Counts> ScanModel::ViewCounts() const {
+  std::map<int, Counts> counts;
+  for (const auto& [id, entry] : entries_) counts[id] = entry.counts;
+  return counts;
 }
 
 Result<FilledSurface> ScanModel::Fill(const FillConfig& fill, const SurfaceConfig& surface) const {

@@ -22,7 +22,7 @@ class ScanModel {
     CropConfig crop;
     OccupancyConfig occupancy;
   };
-  /// Points of one view, or of all.
+  /// Points of one view.
   struct Counts {
     int num_points = 0;
     int num_dropped = 0;
@@ -44,7 +44,8 @@ class ScanModel {
   [[nodiscard]] const std::string& scan_id() const { return scan_id_; }
   [[nodiscard]] std::uint32_t revision() const { return revision_; }
   [[nodiscard]] std::vector<int> ViewIds() const { return model_.ViewIds(); }
-  [[nodiscard]] Counts TotalCounts() const;
+  /// By view id, at the present poses.
+  [[nodiscard]] std::map<int, Counts> ViewCounts() const;
   [[nodiscard]] const ImplicitModel& model() const { return model_; }
   /// The surface with its holes closed where no view saw that space is empty.
   /// @return error of the filling, or when a view is known by its id alone.

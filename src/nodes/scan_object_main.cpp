@@ -19,6 +19,7 @@ using Client = actionlib::SimpleActionClient<ScanObjectAction>;
 
 // Written by the signal handler alone, and nothing else may be done there.
 volatile std::sig_atomic_t interrupted = 0;
+constexpr int kInterrupted = 130;  // what shells report for a program ended by SIGINT
 
 extern "C" void OnInterrupt(int /*signal*/) { interrupted = 1; }
 
@@ -72,10 +73,12 @@ int Run(const ScanObjectGoal& goal, double wait_s) {
   }
   client.sendGoal(goal, Client::SimpleDoneCallback(), Client::SimpleActiveCallback(),
                   &ShowFeedback);
+  bool cancelled = false;
   int away = 0;
   while (!client.getState().isDone()) {
     if (interrupted != 0) {
       Cancel(client);
+      cancelled = true;
       break;
     }
     away = client.isServerConnected() ? 0 : away + 1;
@@ -93,7 +96,7 @@ int Run(const ScanObjectGoal& goal, double wait_s) {
   if (state != "SUCCEEDED" || !result || result->success == 0) {
     std::fprintf(stderr, "scan_object: %s: %s\n", state.c_str(),
                  result ? result->message.c_str() : "no result");
-    return 1;
+    return cancelled ? kInterrupted : 1;
   }
   std::printf("%s; registration rms %.4f -> %.4f mm\n", result->message.c_str(),
               1e3 * result->rms_before, 1e3 * result->rms_after);

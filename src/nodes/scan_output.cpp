@@ -120,6 +120,11 @@ Status WriteFigures(const ScanFigures& figures, const std::string& path) {
   text += fmt::format("  \"rms_after_m\": {},\n", figures.rms_after_m);
   text += fmt::format("  \"num_vertices\": {},\n", figures.num_vertices);
   text += fmt::format("  \"num_faces\": {},\n", figures.num_faces);
+  std::string warnings;
+  for (const std::string& warning : figures.warnings) {
+    warnings += (warnings.empty() ? "" : ", ") + Quoted(warning);
+  }
+  text += fmt::format("  \"warnings\": [{}],\n", warnings);
   text += "  \"views\": [\n";
   for (std::size_t i = 0; i < figures.views.size(); ++i) {
     const ScanFigures::View& view = figures.views[i];
@@ -159,6 +164,11 @@ Status WriteScanReport(const ScanFigures& figures, const std::string& folder) {
       {"registration rms before, after [mm]",
        Millimetres(figures.rms_before_m) + ", " + Millimetres(figures.rms_after_m)});
   report.tables.push_back(summary);
+  if (!figures.warnings.empty()) {
+    Report::Table warnings{"Registration: what to look at", {"warning"}, {}};
+    for (const std::string& warning : figures.warnings) warnings.rows.push_back({warning});
+    report.tables.push_back(warnings);
+  }
   Report::Table views{"Views", {"view", "points", "left out", "overlap", "rms [mm]"}, {}};
   for (const ScanFigures::View& view : figures.views) {
     views.rows.push_back({fmt::format("{:03}", view.id), fmt::format("{}", view.num_points),

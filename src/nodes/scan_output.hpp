@@ -51,6 +51,7 @@ struct ScanFigures {
   double rms_after_m = 0.0;
   int num_vertices = 0;
   int num_faces = 0;
+  std::vector<std::string> warnings;                    ///< of the registration
   std::vector<std::pair<std::string, double>> seconds;  ///< per stage
 
   [[nodiscard]] int NumPoints() const;
