@@ -103,14 +103,18 @@ Result<Seen> LookAtDataset(const CalibrateOptions& options, Session& session) {
   return seen;
 }
 
-Result<Seen> Look(const CalibrateOptions& options, Session& session) {
+Status CheckCommandLine(const CalibrateOptions& options) {
   if (options.dataset.empty() == options.sightings.empty()) {
     return Fail("exactly one of --dataset and --sightings is needed");
   }
-  if (!options.dataset.empty()) {
-    if (options.target.empty()) return Fail("--target: is required with --dataset");
-    return LookAtDataset(options, session);
+  if (!options.dataset.empty() && options.target.empty()) {
+    return Fail("--target: is required with --dataset");
   }
+  return {};
+}
+
+Result<Seen> Look(const CalibrateOptions& options, Session& session) {
+  if (!options.dataset.empty()) return LookAtDataset(options, session);
   auto file = LoadSightings(options.sightings);
   if (!file) return Forward(file);
   if (file->projector_width == 0) {
@@ -262,7 +266,7 @@ void AddCalibrate(Tool& tool) {
   AddCommand<CalibrateOptions>(
       tool, "calibrate",
       "Scans of a calibration target -> cell.yaml with covariance and a verdict in words", Declare,
-      Calibrate);
+      Calibrate, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

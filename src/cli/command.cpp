@@ -128,16 +128,16 @@ Tool::Tool() : app(std::make_unique<CLI::App>()) {}
 Tool::~Tool() = default;
 
 void AddCommand(Tool& tool, const std::string& name, const std::string& description,
-                const std::function<void(Command&)>& declare,
-                std::function<Status(Session&)> body) {
+                CommandParts parts) {
   CLI::App* app = tool.app->add_subcommand(name, description);
   Command command(*app);
   const auto common = std::make_shared<CommonOptions>();
-  declare(command);
+  parts.declare(command);
   DeclareCommon(command, *common);
-  app->callback([&tool, name, common, body = std::move(body)] {
+  app->callback([&tool, name, common, parts = std::move(parts)] {
     tool.command = name;
-    tool.outcome = RunBody(name, *common, body);
+    tool.usage = parts.check();
+    if (tool.usage) tool.outcome = RunBody(name, *common, parts.body);
   });
 }
 

@@ -67,6 +67,7 @@ struct Tool {
 
   std::unique_ptr<CLI::App> app;
   std::string command;  ///< that ran
+  Status usage;         ///< of its command line; the command did not run on an error
   Status outcome;
 };
 
@@ -74,21 +75,31 @@ struct Tool {
 /// @return error naming the file and the names that are read.
 [[nodiscard]] Status CheckConfigFolder(const std::string& folder);
 
-/// Adds a command with its own options and the common ones.
-/// @param body does its work, under the common options; its figures are written.
+/// What one command adds to the tool.
+struct CommandParts {
+  std::function<void(Command&)> declare;
+  std::function<Status()> check;  ///< of the command line as a whole; an error is one of usage
+  std::function<Status(Session&)> body;
+};
+
+/// Adds a command with its own options and the common ones. Its body does the work, under the
+/// common options; its figures are written.
 void AddCommand(Tool& tool, const std::string& name, const std::string& description,
-                const std::function<void(Command&)>& declare, std::function<Status(Session&)> body);
+                CommandParts parts);
 
 /// @param declare adds the options of the command. @param run does its work.
+/// @param check says what is wrong with options that do not go together.
 template <typename Options>
 void AddCommand(Tool& tool, const std::string& name, const std::string& description,
                 void (*declare)(Command&, Options&),
-                Status (*run)(const Options& options, Session& session)) {
+                Status (*run)(const Options& options, Session& session),
+                Status (*check)(const Options& options) = nullptr) {
   // The parser keeps references to the options until the command ran.
   const auto options = std::make_shared<Options>();
-  AddCommand(
-      tool, name, description, [&](Command& command) { declare(command, *options); },
-      [options, run](Session& session) { return run(*options, session); });
+  AddCommand(tool, name, description,
+             {[options, declare](Command& command) { declare(command, *options); },
+              [options, check] { return check != nullptr ? check(*options) : Status(); },
+              [options, run](Session& session) { return run(*options, session); }});
 }
 
 /// Checks before the work that a file can be written in the end.

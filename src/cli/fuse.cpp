@@ -52,10 +52,18 @@ void Declare(Command& command, FuseOptions& options) {
   DeclareFill(command, options.fill);
 }
 
-Status FuseRbf(const FuseOptions& options, Session& session) {
-  if (!options.model.empty()) {
+Status CheckCommandLine(const FuseOptions& options) {
+  if (options.method == "rbf" && !options.model.empty()) {
     return Fail("--model {}: --method rbf has no model file", options.model);
   }
+  if (options.slabs &&
+      (options.method != "gie" || !options.model.empty() || options.fill.Wanted())) {
+    return Fail("--slabs: makes a mesh alone: --method rbf, --model and holes do not apply");
+  }
+  return {};
+}
+
+Status FuseRbf(const FuseOptions& options, Session& session) {
   const auto config = LoadVariationalConfig(session, options.voxel_m);
   if (!config) return Forward(config);
   const auto fill = LoadFillConfig(options.fill, session);
@@ -89,9 +97,6 @@ Json SlabStageFigures(const SlabFigures& figures, double voxel_m) {
 
 /// The same mesh without the model in memory.
 Status FuseInSlabs(const FuseOptions& options, Session& session) {
-  if (options.method != "gie" || !options.model.empty() || options.fill.Wanted()) {
-    return Fail("--slabs: makes a mesh alone: --method rbf, --model and holes do not apply");
-  }
   const auto config = LoadFuseConfig(session, options.voxel_m);
   if (!config) return Forward(config);
   if (!config->voxel_is_given) return Fail("--slabs: needs --voxel, or voxel_m in fusion.yaml");
@@ -187,7 +192,8 @@ Status Fuse(const FuseOptions& options, Session& session) {
 }  // namespace
 
 void AddFuse(Tool& tool) {
-  AddCommand<FuseOptions>(tool, "fuse", "Posed views -> one implicit model -> mesh", Declare, Fuse);
+  AddCommand<FuseOptions>(tool, "fuse", "Posed views -> one implicit model -> mesh", Declare, Fuse,
+                          CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

@@ -173,14 +173,18 @@ Result<HandEyeInput> LookAtStations(const HandEyeOptions& options, Session& sess
   return input;
 }
 
-Result<HandEyeInput> LoadInput(const HandEyeOptions& options, Session& session) {
+Status CheckCommandLine(const HandEyeOptions& options) {
   if (options.dataset.empty() == options.poses.empty()) {
     return Fail("exactly one of --dataset and --poses is needed");
   }
-  if (!options.dataset.empty()) return LookAtStations(options, session);
-  if (options.sightings.empty() || options.cell.empty()) {
+  if (!options.poses.empty() && (options.sightings.empty() || options.cell.empty())) {
     return Fail("--poses needs --sightings and --cell");
   }
+  return {};
+}
+
+Result<HandEyeInput> LoadInput(const HandEyeOptions& options, Session& session) {
+  if (!options.dataset.empty()) return LookAtStations(options, session);
   const auto file = LoadRobotPoses(options.poses);
   if (!file) return Forward(file);
   const auto seen = LoadSightings(options.sightings);
@@ -287,7 +291,7 @@ void AddHandEye(Tool& tool) {
   AddCommand<HandEyeOptions>(
       tool, "hand-eye",
       "Robot poses and pictures of a target -> hand-eye with covariance and a verdict in words",
-      Declare, HandEye);
+      Declare, HandEye, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

@@ -158,25 +158,28 @@ Status ImportCloud(const ImportOptions& options, BagReader& bag, Session& sessio
   return WriteMesh(*cloud, options.out);
 }
 
-Result<PictureSize> ParseSize(const std::string& option, const std::string& text) {
-  PictureSize size;
-  if (text.empty()) return size;
-  char cross = 0;
-  std::istringstream stream(text);
-  stream >> size.width >> cross >> size.height;
-  if (!stream || cross != 'x' || stream.peek() != std::istringstream::traits_type::eof() ||
-      size.width < 1 || size.height < 1) {
-    return Fail("{} '{}' must be like 1280x800", option, text);
+/// Nothing given: nothing known.
+Result<PictureSize> SizeOption(const std::string& option, const std::string& text) {
+  return text.empty() ? PictureSize() : ParsePictureSize(option, text);
+}
+
+Status CheckCommandLine(const ImportOptions& options) {
+  if (options.bag.empty() == options.calibration.empty()) {
+    return Fail("exactly one of --bag and --calibration is needed");
   }
-  return size;
+  if (options.out.empty() && !options.list)
+    return Fail("--out: is required unless --list is given");
+  const auto camera = SizeOption("--camera-size", options.camera_size);
+  if (!camera) return Forward(camera);
+  const auto projector = SizeOption("--projector-size", options.projector_size);
+  return projector ? Status() : Forward(projector);
 }
 
 Status ImportCalibration(const ImportOptions& options, Session& session) {
-  if (options.out.empty()) return Fail("--out: is required");
   if (Status status = CheckOutputFile(options.out, {".yaml"}); !status) return status;
-  const auto camera_size = ParseSize("--camera-size", options.camera_size);
+  const auto camera_size = SizeOption("--camera-size", options.camera_size);
   if (!camera_size) return tl::unexpected(camera_size.error());
-  const auto projector_size = ParseSize("--projector-size", options.projector_size);
+  const auto projector_size = SizeOption("--projector-size", options.projector_size);
   if (!projector_size) return tl::unexpected(projector_size.error());
   const auto calibration =
       ReadOpenCvCalibration(options.calibration, *camera_size, *projector_size);
@@ -190,9 +193,6 @@ Status ImportCalibration(const ImportOptions& options, Session& session) {
 }
 
 Status Import(const ImportOptions& options, Session& session) {
-  if (options.bag.empty() == options.calibration.empty()) {
-    return Fail("exactly one of --bag and --calibration is needed");
-  }
   if (!options.calibration.empty()) return ImportCalibration(options, session);
   auto bag = BagReader::Open(options.bag);
   if (!bag) return tl::unexpected(bag.error());
@@ -200,7 +200,6 @@ Status Import(const ImportOptions& options, Session& session) {
     for (const std::string& topic : bag->Topics()) fmt::print("{}\n", topic);
     return {};
   }
-  if (options.out.empty()) return Fail("--out: is required unless --list is given");
   return options.cloud.empty() ? ImportScan(options, *bag, session)
                                : ImportCloud(options, *bag, session);
 }
@@ -211,7 +210,7 @@ void AddImport(Tool& tool) {
   AddCommand<ImportOptions>(
       tool, "import",
       "A recorded bag -> a scan folder, or a cloud of it; a calibration -> cell.yaml", Declare,
-      Import);
+      Import, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

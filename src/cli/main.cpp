@@ -86,6 +86,10 @@ int Run(int argc, char** argv) {
     PrintError(tool.command, error.what());
     return kFailed;
   }
+  if (!tool.usage) {
+    PrintError(tool.command, tool.usage.error().message);
+    return kUsage;
+  }
   if (tool.outcome) return 0;
   PrintError(tool.command, tool.outcome.error().message);
   return InterruptGuard::Pending() ? kInterrupted : kFailed;

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <sstream>
+
+#include "fringe_fusion/io/opencv_calibration.hpp"
 
 namespace fringe_fusion::cli {
 
@@ -86,6 +89,18 @@ Option Command::AddFlag(const std::string& name, bool& value, const std::string&
 
 bool Command::HasOption(const std::string& name) const {
   return app_->get_option_no_throw(name) != nullptr;
+}
+
+Result<PictureSize> ParsePictureSize(const std::string& option, const std::string& text) {
+  PictureSize size;
+  char cross = 0;
+  std::istringstream stream(text);
+  stream >> size.width >> cross >> size.height;
+  if (!stream || cross != 'x' || stream.peek() != std::istringstream::traits_type::eof() ||
+      size.width < 1 || size.height < 1) {
+    return Fail("{} '{}' must be like 1280x800", option, text);
+  }
+  return size;
 }
 
 }  // namespace fringe_fusion::cli

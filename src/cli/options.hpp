@@ -4,10 +4,16 @@
 #include <string>
 #include <vector>
 
+#include "fringe_fusion/common/result.hpp"
+
 namespace CLI {
 class App;
 class Option;
 }  // namespace CLI
+
+namespace fringe_fusion {
+struct PictureSize;
+}
 
 namespace fringe_fusion::cli {
 
@@ -56,5 +62,9 @@ class Command {
  private:
   CLI::App* app_;
 };
+
+/// @param text like "1280x800" [px]. @return error naming the option.
+[[nodiscard]] Result<PictureSize> ParsePictureSize(const std::string& option,
+                                                   const std::string& text);
 
 }  // namespace fringe_fusion::cli

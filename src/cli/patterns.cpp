@@ -6,6 +6,7 @@
 #include "fringe_fusion/diagnosis/capture_assistant.hpp"
 #include "fringe_fusion/diagnosis/response.hpp"
 #include "fringe_fusion/io/image_io.hpp"
+#include "fringe_fusion/io/opencv_calibration.hpp"
 #include "fringe_fusion/io/response_yaml.hpp"
 #include "fringe_fusion/io/scan_folder.hpp"
 #include "staged_folder.hpp"
@@ -48,26 +49,7 @@ void Declare(Command& command, PatternsOptions& options) {
       .TypeName("DIR");
 }
 
-struct Size {
-  int width = 0;
-  int height = 0;
-};
-
-Result<Size> ParseSize(const std::string& text) {
-  Size size;
-  char cross = 0;
-  std::istringstream stream(text);
-  stream >> size.width >> cross >> size.height;
-  if (!stream || cross != 'x' || stream.peek() != std::istringstream::traits_type::eof() ||
-      size.width < 1 || size.height < 1) {
-    return Fail("--size '{}' must be like 1280x800", text);
-  }
-  return size;
-}
-
-/// @return for a ramp: the size alone.
-Result<PatternSequence> ChooseSequence(const PatternsOptions& options,
-                                       const PatternConfig& config) {
+Status CheckCommandLine(const PatternsOptions& options) {
   const int num_sources = static_cast<int>(!options.cell.empty()) +
                           static_cast<int>(!options.size.empty()) +
                           static_cast<int>(!options.patterns.empty());
@@ -78,9 +60,17 @@ Result<PatternSequence> ChooseSequence(const PatternsOptions& options,
     return Fail("exactly one of --cell, --size and --patterns is needed, {} are given",
                 num_sources);
   }
+  if (options.size.empty()) return {};
+  const auto size = ParsePictureSize("--size", options.size);
+  return size ? Status() : Forward(size);
+}
+
+/// @return for a ramp: the size alone.
+Result<PatternSequence> ChooseSequence(const PatternsOptions& options,
+                                       const PatternConfig& config) {
   if (!options.patterns.empty()) return ReadPatterns(options.patterns);
   if (!options.size.empty()) {
-    const Result<Size> size = ParseSize(options.size);
+    const auto size = ParsePictureSize("--size", options.size);
     if (!size) return Forward(size);
     if (options.ramp > 0) return PatternSequence{size->width, size->height, {}};
     return MakeSequence(config, size->width, size->height);
@@ -159,7 +149,7 @@ Status Patterns(const PatternsOptions& options, Session& session) {
 void AddPatterns(Tool& tool) {
   AddCommand<PatternsOptions>(
       tool, "patterns", "Settings -> patterns.yaml and the pictures that the projector has to show",
-      Declare, Patterns);
+      Declare, Patterns, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

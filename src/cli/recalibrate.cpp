@@ -46,10 +46,17 @@ struct OneSighting {
   TargetSighting sighting;
 };
 
-Result<OneSighting> LookOnce(const RecalibrateOptions& options, Session& session) {
+Status CheckCommandLine(const RecalibrateOptions& options) {
   if (options.dataset.empty() == options.sightings.empty()) {
     return Fail("exactly one of --dataset and --sightings is needed");
   }
+  if (!options.dataset.empty() && options.target.empty()) {
+    return Fail("--target: is required with --dataset");
+  }
+  return {};
+}
+
+Result<OneSighting> LookOnce(const RecalibrateOptions& options, Session& session) {
   if (options.dataset.empty()) {
     auto file = LoadSightings(options.sightings);
     if (!file) return Forward(file);
@@ -58,7 +65,6 @@ Result<OneSighting> LookOnce(const RecalibrateOptions& options, Session& session
     }
     return OneSighting{file->target, std::move(file->sightings.front())};
   }
-  if (options.target.empty()) return Fail("--target: is required with --dataset");
   const auto stages = LoadSightingConfig(session);
   if (!stages) return Forward(stages);
   const auto target = LoadTarget(options.target);
@@ -104,7 +110,7 @@ void AddRecalibrate(Tool& tool) {
   AddCommand<RecalibrateOptions>(
       tool, "recalibrate",
       "One view of a target -> what of the cell has moved, and the calibration with that updated",
-      Declare, Recalibrate);
+      Declare, Recalibrate, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

@@ -145,10 +145,12 @@ std::string StepsText(const ResponseCurve& response, double noise_ratio, Json& f
                      std::sqrt(2.0 / *steps) * noise_ratio / 3.0);
 }
 
+Status CheckCommandLine(const ResponseOptions& options) {
+  if (options.scan.empty() != options.ramp.empty()) return {};
+  return Fail("exactly one of --scan and --ramp is needed");
+}
+
 Status Respond(const ResponseOptions& options, Session& session) {
-  if (options.scan.empty() == options.ramp.empty()) {
-    return Fail("exactly one of --scan and --ramp is needed");
-  }
   if (!options.out.empty()) {
     if (Status status = CheckOutputFile(options.out, {".yaml"}); !status) return status;
   }
@@ -201,7 +203,7 @@ void AddResponse(Tool& tool) {
   AddCommand<ResponseOptions>(
       tool, "response",
       "Response of projector and camera -> gamma, number of steps, table for the patterns", Declare,
-      Respond);
+      Respond, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

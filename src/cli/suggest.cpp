@@ -77,10 +77,12 @@ void SetFigures(const CaptureProposal& proposal, Json& figures) {
       .Set("num_compared", proposal.num_compared);
 }
 
+Status CheckCommandLine(const SuggestOptions& options) {
+  if (options.budget.frames != 0 || options.budget.seconds != 0.0) return {};
+  return Fail("one of --frames and --seconds is needed");
+}
+
 Status Suggest(const SuggestOptions& options, Session& session) {
-  if (options.budget.frames == 0 && options.budget.seconds == 0.0) {
-    return Fail("one of --frames and --seconds is needed");
-  }
   if (!options.out.empty()) {
     if (Status status = CheckOutputFile(options.out, {".yaml"}); !status) return status;
   }
@@ -113,7 +115,7 @@ void AddSuggest(Tool& tool) {
   AddCommand<SuggestOptions>(
       tool, "suggest",
       "Test exposures and a budget -> exposure times, frequencies and steps of least depth sigma",
-      Declare, Suggest);
+      Declare, Suggest, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

@@ -82,6 +82,14 @@ void Declare(Command& command, TargetOptions& options) {
       .TypeName("TARGET.pdf|.svg");
 }
 
+Status CheckCommandLine(const TargetOptions& options) {
+  const Result<TargetKind> kind = TargetKindFromName(options.kind);
+  if (!kind) return Fail("--{}", kind.error().message);
+  const Result<Paper> paper = PaperFromName(options.paper);
+  if (!paper) return Fail("--{}", paper.error().message);
+  return {};
+}
+
 /// Three dots about the middle, unequal steps apart: they tell orientation, mirroring and place.
 void Mark(CalibrationTarget& target) {
   if (target.num_columns < 4 || target.num_rows < 4) return;
@@ -97,7 +105,7 @@ void Mark(CalibrationTarget& target) {
 
 Result<CalibrationTarget> MakeTarget(const TargetOptions& options) {
   const Result<TargetKind> kind = TargetKindFromName(options.kind);
-  if (!kind) return Fail("--{}", kind.error().message);
+  if (!kind) return Forward(kind);
   CalibrationTarget target;
   target.kind = *kind;
   target.num_columns = options.columns;
@@ -129,7 +137,7 @@ Status DrawTargetFiles(const TargetOptions& options, Session& session) {
   const Result<CalibrationTarget> target = MakeTarget(options);
   if (!target) return tl::unexpected(target.error());
   const Result<Paper> paper = PaperFromName(options.paper);
-  if (!paper) return Fail("--{}", paper.error().message);
+  if (!paper) return Forward(paper);
   const std::string yaml = std::filesystem::path(options.out).replace_extension(".yaml").string();
   if (Status status = CheckOutputFile(options.out, {".pdf", ".svg"}); !status) return status;
   if (Status status = CheckOutputFile(yaml, {}); !status) return status;
@@ -149,7 +157,7 @@ Status DrawTargetFiles(const TargetOptions& options, Session& session) {
 void AddTarget(Tool& tool) {
   AddCommand<TargetOptions>(tool, "target",
                             "A calibration target -> a drawing true to scale and target.yaml",
-                            Declare, DrawTargetFiles);
+                            Declare, DrawTargetFiles, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

@@ -101,11 +101,22 @@ Result<TurntableStop> StopOfView(const ScanFolder& scan, int view_id, int joint,
   return stop;
 }
 
-Result<TurntableResult> FromSightings(const TurntableOptions& options,
-                                      const TurntableConfig& config) {
-  if (options.stops.empty() || options.cell.empty()) {
+Status CheckCommandLine(const TurntableOptions& options) {
+  const int num_sources = static_cast<int>(!options.dataset.empty()) +
+                          static_cast<int>(!options.views.empty()) +
+                          static_cast<int>(!options.sightings.empty());
+  if (num_sources != 1) return Fail("exactly one of --dataset, --views and --sightings is needed");
+  if (!options.sightings.empty() && (options.stops.empty() || options.cell.empty())) {
     return Fail("--sightings needs --stops and --cell");
   }
+  if (!options.dataset.empty() && options.target.empty()) {
+    return Fail("--target: is required with --dataset");
+  }
+  return {};
+}
+
+Result<TurntableResult> FromSightings(const TurntableOptions& options,
+                                      const TurntableConfig& config) {
   const auto stops = LoadTurntableStops(options.stops);
   if (!stops) return Forward(stops);
   const auto seen = LoadSightings(options.sightings);
@@ -149,7 +160,6 @@ Result<std::vector<TurntableStop>> StopsOfViews(const TurntableOptions& options,
 
 Result<TurntableResult> FromDataset(const TurntableOptions& options, const TurntableConfig& config,
                                     Session& session) {
-  if (options.target.empty()) return Fail("--target: is required with --dataset");
   const auto stages = LoadSightingConfig(session);
   if (!stages) return Forward(stages);
   const auto target = LoadTarget(options.target);
@@ -219,8 +229,7 @@ Result<TurntableResult> FindAxis(const TurntableOptions& options, const Turntabl
                                  Session& session) {
   if (!options.dataset.empty()) return FromDataset(options, config, session);
   if (!options.views.empty()) return FromViews(options, config, session);
-  if (!options.sightings.empty()) return FromSightings(options, config);
-  return Fail("exactly one of --dataset, --views and --sightings is needed");
+  return FromSightings(options, config);
 }
 
 void Print(const TurntableResult& result) {
@@ -294,7 +303,7 @@ void AddTurntable(Tool& tool) {
   AddCommand<TurntableOptions>(tool, "turntable",
                                "A target or views at several angles of a turntable -> its axis "
                                "with covariance and a verdict",
-                               Declare, Turntable);
+                               Declare, Turntable, CheckCommandLine);
 }
 
 }  // namespace fringe_fusion::cli

@@ -246,7 +246,19 @@ TEST_F(BadInput, BadCommandLine) {
         {"fly"},
         {"fuse"},
         {"fuse", "--views", scan_, "--voxel", "-1"},
-        {"inspect", "--mesh", "a.ply", "--reference", "b.ply", "--unit", "inch"}}) {
+        {"inspect", "--mesh", "a.ply", "--reference", "b.ply", "--unit", "inch"},
+        {"import"},
+        {"import", "--bag", "a.bag"},
+        {"import", "--calibration", "a.xml", "--out", "c.yaml", "--camera-size", "640"},
+        {"patterns", "--out", out_},
+        {"patterns", "--size", "0x800", "--out", out_},
+        {"target", "--kind", "squares", "--columns", "9", "--rows", "6", "--pitch-mm", "20",
+         "--out", "t.pdf"},
+        {"calibrate", "--dataset", scan_, "--out", "cell.yaml"},
+        {"hand-eye", "--poses", "poses.yaml", "--out", "hand_eye.yaml"},
+        {"turntable", "--out", "turntable.yaml"},
+        {"recalibrate", "--cell", "cell.yaml", "--out", "new.yaml"},
+        {"fuse", "--views", scan_, "--out", "m.ply", "--method", "rbf", "--slabs"}}) {
     const Outcome outcome = RunFringe(call);
     EXPECT_EQ(outcome.exit_status, 2) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;

@@ -181,7 +181,7 @@ TEST_F(Capture, ResponseComesFromAGreyRampAsWell) {
   const Outcome unnamed = RunFringe({"response", "--ramp", Path("ramp")});
   EXPECT_EQ(unnamed.exit_status, 1);
   EXPECT_TRUE(Contains(unnamed.err, "must end in the value sent")) << unnamed.err;
-  EXPECT_EQ(RunFringe({"response"}).exit_status, 1);
+  EXPECT_EQ(RunFringe({"response"}).exit_status, 2);
 }
 
 TEST_F(Capture, SuggestTurnsTestExposuresIntoSettings) {
@@ -211,7 +211,7 @@ TEST_F(Capture, SuggestTurnsTestExposuresIntoSettings) {
                 .exit_status,
             0);
   const Outcome none = RunFringe({"suggest", "--scan", Path("test")});
-  EXPECT_EQ(none.exit_status, 1);
+  EXPECT_EQ(none.exit_status, 2);
   EXPECT_TRUE(Contains(none.err, "one of --frames and --seconds")) << none.err;
   const Outcome few = RunFringe({"suggest", "--scan", Path("test"), "--frames", "3"});
   EXPECT_EQ(few.exit_status, 1);

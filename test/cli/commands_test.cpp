@@ -76,7 +76,7 @@ TEST_F(Commands, PatternsWritesPicturesAndTheirList) {
   const Image<std::uint8_t> expected = RenderPattern(sequence->frames[2], 160, 128, 1.0);
   EXPECT_TRUE(std::equal(pixels.begin(), pixels.end(), expected.begin(), expected.end()));
   const Outcome outcome = RunFringe({"patterns", "--size", "64", "--out", Path("patterns")});
-  EXPECT_EQ(outcome.exit_status, 1);
+  EXPECT_EQ(outcome.exit_status, 2);
   EXPECT_NE(outcome.err.find("--size '64' must be like 1280x800"), std::string::npos);
 }
 

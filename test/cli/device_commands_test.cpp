@@ -334,7 +334,8 @@ TEST_F(RecalibrateCommand, FindsAProjectorThatTurned) {
 }
 
 TEST_F(RecalibrateCommand, SaysWhatIsWrong) {
-  EXPECT_NE(Refusal({"recalibrate", "--cell", Path("cell.yaml"), "--out", Path("now.yaml")})
+  EXPECT_NE(Refusal({"recalibrate", "--cell", Path("cell.yaml"), "--sightings", Path("s.yaml"),
+                     "--out", Path("now.yaml")})
                 .find("cell.yaml: cannot be read"),
             std::string::npos);
   WriteLater(test_support::SceneCell());
