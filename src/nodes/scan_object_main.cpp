@@ -132,9 +132,16 @@ int main(int argc, char** argv) {
   }
   std::signal(SIGINT, OnInterrupt);
   std::signal(SIGTERM, OnInterrupt);
-  if (!ros::master::check()) {
-    std::fprintf(stderr, "scan_object: no ROS master at %s\n", ros::master::getURI().c_str());
-    return 1;
+  // A master that is just being started is waited for like the cell.
+  const ros::WallTime start = ros::WallTime::now();
+  while (!ros::master::check()) {
+    const double waited_s = (ros::WallTime::now() - start).toSec();
+    if (waited_s > wait_s || interrupted != 0) {
+      std::fprintf(stderr, "scan_object: no ROS master at %s within %.3g s\n",
+                   ros::master::getURI().c_str(), wait_s);
+      return 1;
+    }
+    ros::WallDuration(0.1).sleep();
   }
   ros::start();
   ScanObjectGoal goal;
