@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "bench/capture_scenes.hpp"
+#include "test/support/draws.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -126,7 +127,7 @@ TEST(CaptureProposal, ComesNearTheBestOfAnExhaustiveSearch) {
   const double own_m = Sigma(bench, proposal->settings);
   double best_m = std::numeric_limits<double>::infinity();
   for (const double exposure_s : {0.01, 0.014, 0.02, 0.028, 0.04}) {
-    for (const double finest : {8.0, 12.0, 18.0, 26.0, 36.0}) {
+    for (const double finest : test_support::Cases({18.0, 8.0, 12.0, 26.0, 36.0})) {
       const double root = std::round(std::sqrt(finest));
       best_m = std::min(best_m, Sigma(bench, {{exposure_s}, {1, root, finest}, 3, true, false}));
       best_m = std::min(best_m, Sigma(bench, {{exposure_s}, {1, finest}, 4, true, false}));

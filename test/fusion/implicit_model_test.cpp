@@ -9,6 +9,7 @@
 
 #include "fringe_fusion/common/parallel.hpp"
 #include "test/fusion/synthetic_views.hpp"
+#include "test/support/draws.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -122,7 +123,8 @@ TEST(ImplicitModel, StatedSigmaIsTheErrorOnFlatParts) {
   struct Case {
     int order, normal_radius_px, num_levels;
   };
-  for (const Case& c : {Case{0, 0, 1}, {0, 2, 1}, {2, 0, 1}, {2, 2, 1}, {2, 2, 3}}) {
+  for (const Case& c :
+       test_support::Cases<Case>({{2, 2, 1}, {0, 0, 1}, {0, 2, 1}, {2, 0, 1}, {2, 2, 3}})) {
     FusionConfig config = Config(5e-4);
     config.order = c.order;
     config.normal_radius_px = c.normal_radius_px;

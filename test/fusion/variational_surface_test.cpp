@@ -11,6 +11,7 @@
 #include "fringe_fusion/common/parallel.hpp"
 #include "fringe_fusion/io/config_yaml.hpp"
 #include "test/fusion/synthetic_views.hpp"
+#include "test/support/draws.hpp"
 
 namespace fringe_fusion {
 namespace {
@@ -83,7 +84,8 @@ Errors ErrorsOn(const VariationalSurface& surface) {
 }
 
 TEST(VariationalSurface, IsExactOnAnExactSphere) {
-  for (const std::string kernel : {"triharmonic", "wendland", "biharmonic", "thin_plate"}) {
+  for (const std::string kernel :
+       test_support::Cases({"triharmonic", "wendland", "biharmonic", "thin_plate"})) {
     VariationalConfig config = MakeConfig(0.001, 0.0003);
     config.kernel = kernel;
     if (kernel == "biharmonic" || kernel == "thin_plate") config.constraints = "offsets";
@@ -213,7 +215,7 @@ TEST(VariationalSurface, RefusesWhatItCannotFit) {
 }
 
 TEST(VariationalSurface, SameBytesOnAnyNumberOfThreads) {
-  const std::vector<MeasuredPoint> points = SpherePoints(3000, 1e-4);
+  const std::vector<MeasuredPoint> points = SpherePoints(test_support::Draws(3000, 1000), 1e-4);
   std::vector<VoxelField::PaddedDistances> expected;
   for (const int threads : {1, 2, 3}) {
     const ThreadLimit limit(threads);
