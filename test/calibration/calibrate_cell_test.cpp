@@ -93,8 +93,8 @@ TEST(CalibrateCell, StatesItsErrorTruly) {
   double squared = 0.0;
   int total_dof = 0;
   PointErrors points;
-  constexpr int kRuns = test_support::Draws(8, 1);
-  for (int run = 0; run < kRuns; ++run) {
+  const int num_runs = test_support::Draws(8, 1);
+  for (int run = 0; run < num_runs; ++run) {
     SceneNoise noise;
     noise.seed = static_cast<unsigned>(100 + run);
     const auto result =
@@ -106,13 +106,13 @@ TEST(CalibrateCell, StatesItsErrorTruly) {
     points.measured_m2 += errors.measured_m2;
     points.predicted_m2 += errors.predicted_m2;
   }
-  EXPECT_EQ(total_dof, kRuns * 22);
-  if (test_support::kSanitized) return;
+  EXPECT_EQ(total_dof, num_runs * 22);
+  if (test_support::Sanitized()) return;
   const double normalised = squared / total_dof;
   const double ratio = std::sqrt(points.measured_m2 / points.predicted_m2);
   fmt::print(
       "squared error over stated {:.3f}, points: error over predicted {:.3f}, rms {:.4f} mm\n",
-      normalised, ratio, 1e3 * std::sqrt(points.measured_m2 / (27.0 * kRuns)));
+      normalised, ratio, 1e3 * std::sqrt(points.measured_m2 / (27.0 * num_runs)));
   // 176 degrees of freedom: one standard deviation is 0.107; bench/cell_study runs a hundred.
   EXPECT_GT(normalised, 0.7);
   EXPECT_LT(normalised, 1.35);

@@ -90,7 +90,7 @@ TEST_F(HandEye, IsExactOnExactPosesOfBothMounts) {
 TEST_F(HandEye, ErrorIsThatOfItsCovariance) {
   double squared = 0.0;
   double dof = 0.0;
-  for (unsigned run = 0; run < unsigned{test_support::Draws(50, 2)}; ++run) {
+  for (unsigned run = 0; run < static_cast<unsigned>(test_support::Draws(50, 2)); ++run) {
     scene_.mount = run % 2 == 0 ? HandEyeMount::kEyeInHand : HandEyeMount::kEyeToHand;
     Read(12, kRobotNoise, kTargetNoise, 10 + run);
     const auto result = Calibrate();
@@ -103,7 +103,7 @@ TEST_F(HandEye, ErrorIsThatOfItsCovariance) {
       dof += 6.0;
     }
   }
-  if (test_support::kSanitized) return;
+  if (test_support::Sanitized()) return;
   // Both ends are correlated: the deviation of the mean is at most that of 300 numbers, 0.08.
   EXPECT_NEAR(squared / dof, 1.0, 0.25);
 }

@@ -102,7 +102,7 @@ TEST(DiagnoseStack, FindsNothingInCleanStacksAndSaysWhatItMeasured) {
 }
 
 TEST(DiagnoseStack, SameStackSameAnswer) {
-  const Fault fault = test_support::kSanitized ? Fault::kShifted : Fault::kMotion;
+  const Fault fault = test_support::Sanitized() ? Fault::kShifted : Fault::kMotion;
   const ImageStack stack = TuningStack(fault, 1, 2);
   const Diagnosis first = Diagnose(stack);
   const Diagnosis second = Diagnose(stack);
@@ -177,7 +177,7 @@ TEST(DiagnoseStack, ThreeStepsTellTheResponseByWhiteAndBlack) {
   for (const int strength : test_support::Cases({0, 2})) {
     EXPECT_EQ(FirstName(Diagnose(StackOf(three, Fault::kResponse, strength))), "response");
   }
-  if (test_support::kSanitized) return;
+  if (test_support::Sanitized()) return;
   EXPECT_EQ(FirstName(Diagnose(StackOf(three, Fault::kMotion, 2))), "motion");
   EXPECT_EQ(FirstName(Diagnose(StackOf(three, Fault::kExposure, 2))), "exposure");
 }

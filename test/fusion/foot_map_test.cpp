@@ -54,7 +54,7 @@ TEST(DistanceByFeet, IsTheSameForEveryRule) {
   const std::vector<View> views =
       testing::CastAround(testing::SphereScene(kFootRadius), 0.12, settings);
   for (const FootRule rule : kRules) {
-    if (test_support::kSanitized && rule != kRules[0]) continue;
+    if (test_support::Sanitized() && rule != kRules[0]) continue;
     const Feet feet = MakeFeet(views, rule);
     int count = 0;
     for (const Eigen::Vector3d& n : Directions(test_support::Draws(60, 3))) {

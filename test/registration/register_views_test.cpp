@@ -125,7 +125,7 @@ TEST(RegisterViews, StatedCovarianceMatchesTheError) {
   // cloud being correlated perhaps 0.1.
   double nees = 0.0;
   int count = 0;
-  for (unsigned seed = 1; seed <= unsigned{test_support::Draws(24, 2)}; ++seed) {
+  for (unsigned seed = 1; seed <= static_cast<unsigned>(test_support::Draws(24, 2)); ++seed) {
     BumpyScene scene;
     scene.seed = seed;
     scene.width = 64;
@@ -142,7 +142,7 @@ TEST(RegisterViews, StatedCovarianceMatchesTheError) {
       count += 6;
     }
   }
-  if (test_support::kSanitized) return;
+  if (test_support::Sanitized()) return;
   EXPECT_GT(nees / count, 0.75);
   EXPECT_LT(nees / count, 1.3);
 }
@@ -322,7 +322,7 @@ class StanfordBunny : public ::testing::Test {
       view.pose.source = PoseSource::kFile;
       graph_.views.push_back(std::move(view));
     }
-    if (test_support::kSanitized) graph_.views.resize(3);
+    if (test_support::Sanitized()) graph_.views.resize(3);
     published_ = PosesOf(graph_);
     config_.max_points_per_view = 6000;
     config_.hold_out = true;
@@ -352,7 +352,7 @@ TEST_F(StanfordBunny, FromThePublishedPoses) {
   const auto result = RegisterViews(graph_, config_);
   ASSERT_TRUE(result) << result.error().message;
   EXPECT_TRUE(result->converged);
-  if (!test_support::kSanitized) ExpectGood(*result);
+  if (!test_support::Sanitized()) ExpectGood(*result);
 }
 
 TEST_F(StanfordBunny, FromTwoDegreesAndTwoMillimetresAside) {
@@ -369,7 +369,7 @@ TEST_F(StanfordBunny, FromTwoDegreesAndTwoMillimetresAside) {
   }
   const auto result = RegisterViews(graph_, config_);
   ASSERT_TRUE(result) << result.error().message;
-  if (!test_support::kSanitized) ExpectGood(*result);
+  if (!test_support::Sanitized()) ExpectGood(*result);
 }
 
 }  // namespace
