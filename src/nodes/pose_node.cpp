@@ -115,10 +115,8 @@ Result<int> PoseNode::AcceptView(const RangeView& message) {
   posed.pose.pose = ros_io::ToMessage(view->pose);
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (message.scan_id != scan_id_) {
-      StartScan(message.scan_id);
-      capture_delay_ = ros::Time::now() - message.header.stamp;
-    }
+    if (message.scan_id != scan_id_) StartScan(message.scan_id);
+    capture_delay_ = ros::Time::now() - message.header.stamp;
     view_frames_[view->id] = view->pose.T_object_camera;
     const int id = view->id;
     views_.insert_or_assign(id, std::move(*view));

@@ -93,7 +93,7 @@ class PoseNode {
   std::string scan_id_;
   std::map<int, View> views_;             ///< with their prior poses
   std::map<int, Transform> view_frames_;  ///< best known T_object_camera
-  ros::Duration capture_delay_;           ///< from the capture of the scan's first view until here
+  ros::Duration capture_delay_;           ///< from the capture of the last view until here
   std::map<int, Transform> file_priors_;  ///< of scan file_priors_scan_id_
   std::string file_priors_scan_id_;
   std::uint32_t revision_ = 0;
